@@ -80,7 +80,9 @@ def test_robots_that_ship_have_all_limits(name: str) -> None:
 
 
 def test_a_joint_without_a_speed_limit_is_named(planar_2r: Robot) -> None:
-    with pytest.raises(BadOption, match=r"joint2 = inf is not possible; state its speed limit .* case file"):
+    with pytest.raises(
+        BadOption, match=r"joint2 = inf is not possible; state its speed limit in a case file .*MJCF has no place"
+    ):
         limits_of(limited(planar_2r, JointLimits(velocity=1.0), JointLimits(-1.0, 1.0)))
 
 

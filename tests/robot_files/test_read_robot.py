@@ -99,7 +99,7 @@ def test_unknown_ending() -> None:
 @pytest.mark.parametrize("name", ["arm.urdf", "arm.yaml", "arm.json", "arm"])
 def test_empty(name: str, data: bytes) -> None:
     Path(name).write_bytes(data)
-    assert failure(name) == f"{name}: the file is empty; give a URDF, or a DH table in YAML"
+    assert failure(name) == f"{name}: the file is empty; give a URDF, MJCF, SDF or xacro, or a DH table in YAML"
 
 
 def test_too_large(monkeypatch: pytest.MonkeyPatch) -> None:

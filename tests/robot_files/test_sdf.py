@@ -54,6 +54,21 @@ ARM = f"""<?xml version="1.0"?>
 """
 
 
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        ('version="1.9"', ""),
+        ('version="1.12"', ""),
+        ('version="1.99"', "version 1.99 is not known: read as 1.12"),
+        ('version="1.3"', "version 1.3 is not known: read as 1.4"),
+        ("", "no version is stated, which SDFormat requires: read as 1.12"),
+    ],
+)
+def test_a_version_that_is_not_known_is_named(stated: str, told: str) -> None:
+    note = SdfFile().read("arm.sdf", ARM.replace('version="1.9"', stated).encode()).note
+    assert [part for part in note.split("; ") if "version" in part] == ([told] if told else [])
+
+
 def test_torques_are_those_of_drake() -> None:
     parsing = pytest.importorskip("pydrake.multibody.parsing", reason="pip install drake")
     plant_module = pytest.importorskip("pydrake.multibody.plant", reason="pip install drake")

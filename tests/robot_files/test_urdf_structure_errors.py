@@ -204,8 +204,8 @@ CASES: dict[str, Fault] = {
         "the links form a loop: 'base' -> 'upper' -> 'hand' -> 'base'; "
         "remove one joint of the loop: only trees are read",
     ),
-    "empty": (None, "", "the file is empty; give a URDF, or a DH table in YAML"),
-    "white": (None, " \n", "the file is empty; give a URDF, or a DH table in YAML"),
+    "empty": (None, "", "the file is empty; give a URDF, MJCF, SDF or xacro, or a DH table in YAML"),
+    "white": (None, " \n", "the file is empty; give a URDF, MJCF, SDF or xacro, or a DH table in YAML"),
 }
 
 

@@ -126,7 +126,7 @@ def _format(path: object, suffix: str, data: bytes) -> Description:
     """Return the format of a file, by its first visible bytes and then by its suffix."""
     head = data[:4096].lstrip(_SPACE)
     if not head:
-        raise DescriptionError(path, "", "the file is empty", "give a URDF, or a DH table in YAML")
+        raise DescriptionError(path, "", "the file is empty", "give a URDF, MJCF, SDF or xacro, or a DH table in YAML")
     kinds = [DESCRIPTIONS.get(name) for name in DESCRIPTIONS.names()]
     if head.startswith(b"<"):
         return _xml_format(kinds, suffix, data)()

@@ -25,6 +25,7 @@ KINDS: Final[Mapping[str, JointKind]] = {
 }  # fmt: skip
 _UNREAD: Final = ("ball", "screw", "universal", "gearbox", "revolute2")
 _TENSOR: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_KNOWN: Final = ((1, 4), (1, 12))
 _NONE: Final = 1e16  # what the format writes where there is no limit
 
 
@@ -35,6 +36,17 @@ def version_of(root: Element) -> tuple[int, int]:
     if len(parts) != 2 or not all(part.isascii() and part.isdigit() and len(part) < 4 for part in parts):
         raise root.place.error(f"version {shown(text)} is no version of SDF", 'write version="1.7"')
     return int(parts[0]), int(parts[1])
+
+
+def version_note(root: Element) -> str:
+    """Return what is to be said of the version that a file states; empty where it is one of those that are known."""
+    if "version" not in root.attributes:
+        return "no version is stated, which SDFormat requires: read as 1.12"
+    version = version_of(root)
+    if _KNOWN[0] <= version <= _KNOWN[1]:
+        return ""
+    nearest_one = _KNOWN[0] if version < _KNOWN[0] else _KNOWN[1]
+    return f"version {root.attributes['version']} is not known: read as {nearest_one[0]}.{nearest_one[1]}"
 
 
 def name_of(element: Element) -> str:

@@ -25,6 +25,7 @@ from dynident.robot_files.sdf_elements import (
     only_child,
     placed,
     shape_of,
+    version_note,
 )
 from dynident.robot_files.sdf_frames import WORLD, SdfFrames
 from dynident.robot_files.sdf_includes import SdfFiles, read_sdf_files
@@ -65,6 +66,7 @@ class SdfModel:
         frames: Named frames: the link that each is fixed to, and its place there.
         incomplete: The links whose inertial lacks its mass or moments.
         notes: What has a torque in a simulator and none here.
+        version_note: What is to be said of its version; empty for nothing.
     """
 
     path: object
@@ -79,6 +81,7 @@ class SdfModel:
     frames: dict[str, tuple[str, Pose]] = field(default_factory=dict)
     incomplete: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    version_note: str = ""
 
     def robot(self) -> Robot:
         """Return the robot, fixed links merged.
@@ -87,7 +90,8 @@ class SdfModel:
             DescriptionError: No tree, or no joint moves.
         """
         left = f"; without {', '.join(self.notes)}" if self.notes else ""
-        note = f"read from {PurePath(str(self.path)).name}{left}"
+        version = f"; {self.version_note}" if self.version_note else ""
+        note = f"read from {PurePath(str(self.path)).name}{version}{left}"
         found = assemble(self.path, self.name, self.bodies, self.connections, note, self.shapes)
         found = with_unknown(found, self.incomplete)
         places = {found.base: Frame(-1, np.eye(3), np.zeros(3)), **found.frames}
@@ -112,7 +116,7 @@ def read_sdf_model(path: object, data: bytes) -> SdfModel:
         raise joint.place.error("a joint of the world is not read", "write it in the <model>")
     models = [model for holder in (root, *root.all("world")) for model in holder.all("model")]
     robot, objects = _robot_among(path, models)
-    found = _SdfReader(path, root, robot, files).read()
+    found = replace(_SdfReader(path, root, robot, files).read(), version_note=version_note(root))
     if objects:
         found.notes.append(f"the models beside the robot ({some(objects)})")
     return found

@@ -205,9 +205,8 @@ def _check_stated(joint: Joint, limit: JointLimits) -> None:
     """Refuse limits of a description that leave no motion, or no slowest one."""
     still = f"or lock the joint in the case file (locked: {{{joint.name}: VALUE}})"
     if not np.isfinite(limit.velocity):
-        # MJCF and USD without a vendor's schema have no place for it.
-        ways = "in the robot model or in a case file (limits: {velocity: [...]}, one a joint)"
-        step = f"state its speed limit {ways}; without one the best motion is the fastest"
+        case = "in a case file (robot: FILE, limits: {velocity: [...]}, one a joint)"
+        step = f"state its speed limit {case}, or in a URDF or SDF (MJCF has no place for it)"
         raise BadOption(f"velocity of {joint.name}", limit.velocity, step)
     if joint.kind == "prismatic" and not (np.isfinite(limit.lower) and np.isfinite(limit.upper)):
         step = "state both ends in the robot model; a slide has some"
