@@ -283,6 +283,13 @@ def test_two_groups_of_velocities_are_left_out(arm: str, motion: dict[str, Array
     assert not draft.needed and "# dq: qd1 to qd6 or q_dot1 to q_dot6" in draft.text
 
 
+def test_only_a_long_log_is_asked_whether_drives_warm_up(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    for rate, is_long in ((20.0, False), (4.0, True)):  # 600 samples of 30 s and of 150 s
+        log = write_log(tmp_path / "run.csv", numbered({**motion, "time": np.arange(600) / rate}))
+        draft = draft_case(arm, log, tmp_path)
+        assert ("- warm_up: {time_constant: 300, choose: [part, time_constant]}" in draft.text) == is_long
+
+
 def test_a_log_without_a_time_takes_its_rate(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
     timeless = {name: values for name, values in numbered(motion).items() if name != "t"}
     draft = draft_case(arm, write_log(tmp_path / "run.csv", timeless), tmp_path)

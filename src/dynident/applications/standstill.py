@@ -68,9 +68,12 @@ def _creeping(model: DynamicModel, motion: Motion, sign: float) -> tuple[Dynamic
     """Return the model with sharp signs, and the motion with all drives creeping one way."""
     sharp = replace(model, friction=tuple(_sharp(part) for part in model.friction))
     creep = np.linalg.solve(np.asarray(model.robot.coupling), np.full(model.robot.dof, sign * CREEP))
-    each = [state.high if sign > 0 else state.low for part in model.friction for state in part.states]
-    state = np.broadcast_to(np.array(each), (*motion.q.shape, len(each))) if each else None
-    return sharp, replace(motion, dq=np.broadcast_to(creep, motion.q.shape), state=state)
+    each = [(part, state) for part in model.friction for state in part.states]
+    state = np.zeros((*motion.q.shape, len(each))) if motion.state is None else np.array(motion.state)
+    for k, (part, own) in enumerate(each):
+        if part.lags:
+            state[..., k] = own.high if sign > 0 else own.low
+    return sharp, replace(motion, dq=np.broadcast_to(creep, motion.q.shape), state=state if each else None)
 
 
 def _sharp(part: Friction) -> Friction:

@@ -28,7 +28,7 @@ from dynident.identification.selection.friction.variable_projection import fines
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, default_friction
+from dynident.model.friction import FRICTION, Friction, default_friction
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def build_problem(
         from dynident.identification.selection.friction.alike import starting_friction  # few need it
 
         model = replace(model, friction=starting_friction())
-    model, finest = _above_resolution(model, ordered)
+    model, finest = _within_logs(model, ordered)
     prepared, delays = _prepared(without_optional(model), ordered, preprocessing, progress)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
@@ -114,25 +114,37 @@ def _resolution(model: DynamicModel, logs: Sequence[Log]) -> Array | None:
     return np.max(np.abs(np.asarray(model.robot.coupling)) * joints, axis=1)
 
 
-def _above_resolution(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel, Array | None]:
-    """Return the model whose distances of friction are at least the resolution of the positions, and that.
+def _within_logs(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel, Array | None]:
+    """Return the model whose friction the logs can tell, and the resolution of the positions of each drive.
 
-    Those that are left to the logs begin there.
+    Distances of friction that are left to the logs begin at the resolution. Parts that may be missing and whose
+    duration the logs are too short for are missing.
 
     Raises:
-        LogMismatch: One that is stated is below it.
+        LogMismatch: A distance that is stated is below the resolution, or a duration beyond the longest log.
     """
-    parts, finest = list(model.friction), _resolution(model, logs)
-    for p, part in enumerate(parts):
-        least = finest_of(model, part, finest)
-        below = [name for name, span in part.ranges.items() if span.is_distance and getattr(part, name) < least]
-        left_open = (*(part.choose or ()), *(part.vary or ()))
-        for name in below:
-            if name not in left_open:
-                stated = f"{FRICTION.name_of(part)}: {name} {getattr(part, name):g}"
-                evidence = f"{stated} is below the resolution of the positions, {least:.3g} rad (or m)"
-                raise LogMismatch(logs[0].name, evidence, f"state at least {least:.2g}, or log finer positions")
-            parts[p] = replace(parts[p], **{name: least})
+    finest, longest = _resolution(model, logs), max(len(log.time) / log.rate for log in logs)
+    parts: list[Friction] = []
+    for part in model.friction:
+        least, left_open = finest_of(model, part, finest), (*(part.choose or ()), *(part.vary or ()))
+        spans = part.ranges.items()
+        if part.is_optional and any(span.is_duration and span.low * 2 > longest for _, span in spans):
+            continue
+        moved: dict[str, Any] = {}
+        for name, span in spans:
+            stated = f"{FRICTION.name_of(part)}: {name} {getattr(part, name):g}"
+            if span.is_distance and getattr(part, name) < least:
+                if name not in left_open:
+                    evidence = f"{stated} is below the resolution of the positions, {least:.3g} rad (or m)"
+                    raise LogMismatch(logs[0].name, evidence, f"state at least {least:.2g}, or log finer positions")
+                moved[name] = least
+            if span.is_duration and getattr(part, name) > longest:
+                if name not in left_open:
+                    evidence = f"{stated} s is longer than the longest log, {longest:.3g} s"
+                    step = "log at least as long from a cold start, state a shorter time, or leave the part out"
+                    raise LogMismatch(logs[0].name, evidence, step)
+                moved[name] = longest
+        parts.append(replace(part, **moved) if moved else part)
     return (replace(model, friction=tuple(parts)) if tuple(parts) != model.friction else model), finest
 
 
@@ -160,14 +172,18 @@ def _with_chosen_fields(
         if not is_last:
             first, (chosen, held) = chosen, choose(model, prepared)
     choices = replace(choices, chosen_fields=held)
-    stay = tuple(part for part in model.friction if not (part.states and part.is_optional))
-    if delay_is_free and "state" in chosen.needs and len(stay) < len(model.friction):
+    stay = tuple(part for part in model.friction if not (part.lags and part.is_optional))
+    if delay_is_free and _lags(chosen) and len(stay) < len(model.friction):
         plain = replace(model, friction=stay)
         other, others, without_it = _with_chosen_fields(plain, logs, preprocessing, before, progress, choose)
         better, tried = compared(chosen, prepared, other, others)
         if not better:
             return other, others, replace(without_it, chosen_fields=(*(without_it.chosen_fields or ()), *tried))
     return chosen, prepared, choices
+
+
+def _lags(model: DynamicModel) -> bool:
+    return any(part.lags for part in model.friction)
 
 
 def _with_chosen_friction(
@@ -201,9 +217,9 @@ def _prepared(
 
     progress("time delay between torque and position")
     simple = without_load(model)
-    bounds: Sequence[DelayRecord | Delay] = without if "state" in simple.needs else ()
-    if "state" in simple.needs and not bounds:
-        forgetful = replace(simple, friction=tuple(part for part in simple.friction if not part.states))
+    bounds: Sequence[DelayRecord | Delay] = without if _lags(simple) else ()
+    if _lags(simple) and not bounds:
+        forgetful = replace(simple, friction=tuple(part for part in simple.friction if not part.lags))
         bounds, _ = find_delays(forgetful, base_parameters(forgetful), logs, preprocessing)
     within = [delay.applied for delay in bounds]
     delays, prepared = find_delays(simple, base_parameters(simple), logs, preprocessing, within)

@@ -250,7 +250,10 @@ def test_a_state_that_needs_more_than_positions_is_refused(
 ) -> None:
     export_model(bare(pendulum, (Presliding(), "viscous")), target, tmp_path / "arm")  # type: ignore[arg-type]
     subject = bare(pendulum, (Creeping(), "viscous"))  # type: ignore[arg-type]
-    with pytest.raises(BadOption, match=rf"depends on step.*{told} keeps states of positions alone; export to json"):
+    with pytest.raises(
+        BadOption,
+        match=rf"depends on step.*{told} keeps states of positions alone; identify without it, or export to json",
+    ):
         export_model(subject, target, tmp_path / "arm")
 
 

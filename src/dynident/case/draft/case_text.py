@@ -21,6 +21,7 @@ from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, q
 from dynident.case.evidence.torques import agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
 from dynident.identification.problem.problem import rest_speeds
+from dynident.model.friction.warm_up import WarmUp
 from dynident.robot_files import shipped_robots
 from dynident.robot_files.xacro import split_arguments, with_arguments
 
@@ -38,6 +39,9 @@ _FADES = 0.1
 
 #: Distance in rad or m over which friction builds up after a reversal, likewise.
 _SLIPS = 3e-3
+
+#: Time constant in s with which drives warm up, likewise.
+_WARMS = 300.0
 
 #: A joint slower than this, in rad/s, is at rest; a slide below its travel times this, a second.
 _STANDSTILL = 0.02
@@ -195,7 +199,17 @@ def _friction(found: Recognised) -> list[str]:
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
         "   # Stribeck effect",
         f"  - presliding: {{length: {_SLIPS:g}, choose: [part, length]}}   # friction that builds up after a reversal",
+        *_warm_up(found),
     ]
+
+
+def _warm_up(found: Recognised) -> list[str]:
+    """Return the part for drives that warm up, where a log is long enough to tell and states no temperatures."""
+    longest = max((one.duration * found.to_seconds for one in found.readings), default=0.0)
+    if "temperature" in found.left_out or longest < 2.0 * WarmUp.ranges["time_constant"].low:
+        return []
+    text = "friction that changes as the drives warm up"
+    return [f"  - warm_up: {{time_constant: {_WARMS:g}, choose: [part, time_constant]}}   # {text}"]
 
 
 def _behind_the_gear(found: Recognised) -> bool:

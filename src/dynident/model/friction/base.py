@@ -123,12 +123,14 @@ class Range:
         high: Greatest value.
         is_speed: Whether it is a speed: then nothing beyond the fastest motion is tried.
         is_distance: Whether it is a distance: then nothing below the resolution of the positions is tried.
+        is_duration: Whether it is a duration: then nothing beyond the longest log is tried.
     """
 
     low: float
     high: float
     is_speed: bool = False
     is_distance: bool = False
+    is_duration: bool = False
 
 
 @dataclass(frozen=True)
@@ -258,6 +260,11 @@ class Friction(ABC):
     def states(self) -> tuple[State, ...]:
         """What it remembers at each drive; nothing as a rule."""
         return ()
+
+    @property
+    def lags(self) -> bool:
+        """Whether its torque follows a reversal late, as that of a log with a delay does: what remembers, as a rule."""
+        return bool(self.states)
 
     @property
     def without_memory(self) -> Friction:

@@ -65,11 +65,14 @@ class Identified:
     @property
     def slipped(self) -> tuple[str, ...]:
         """What the reader has to know about friction that remembers in a format without a memory."""
-        names = [FRICTION.name_of(part) for part in self.model.friction if part.without_memory is not part]
+        parts = {FRICTION.name_of(own): own for own in self.model.friction if own.without_memory is not own}
+        lags = (
+            "is there Coulomb friction at its full level; right after a reversal the torque differs by up to twice that"
+        )
+        cold = "adds nothing: friction is that at the start of a log"
         return tuple(
-            f"{name}: a joint of this format has no history, so the part is there Coulomb friction at its full level; "
-            "right after a reversal the torque differs by up to twice that"
-            for name in dict.fromkeys(names)
+            f"{name}: a joint of this format has no history, so the part {lags if part.lags else cold}"
+            for name, part in parts.items()
         )
 
 

@@ -73,7 +73,7 @@ def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) ->
             else (column[follow.joint], float(follow.multiplier), float(follow.offset))
         )
     motion = model.random_motion(STATES, SEED)
-    q = _walk(model, motion.q) if "state" in model.needs else motion.q
+    q = _walk(model, motion.q) if any(part.lags for part in model.friction) else motion.q
     # Friction that depends on the load takes the model's own torque, not a drawn one.
     motion = model.with_states(Motion(q, motion.dq, motion.ddq, None, motion.temperature), PACE)
     return StateSet(motion, model.robot.gravity, follows)
@@ -82,7 +82,7 @@ def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) ->
 def _walk(model: DynamicModel, q: Array) -> Array:
     """Return positions (N, n) of which every few are a walk of small steps, back and forth, from the first of them."""
     generator = np.random.default_rng(SEED)
-    spans = [state.high - state.low for part in model.friction for state in part.states]
+    spans = [state.high - state.low for part in model.friction for state in part.states if part.lags]
     low, high = STEPS[0] * min(spans), STEPS[1] * max(spans)
     size = np.exp(generator.uniform(np.log(low), np.log(high), q.shape)) * generator.choice([-1.0, 1.0], q.shape)
     size[::WALK] = 0.0

@@ -80,7 +80,7 @@ def state_updates(model: DynamicModel, spelt: Dialect) -> tuple[StateUpdate, ...
         names, programs = _names(model, part), part.expression.updates
         if more := {array for program in programs for array in program.arrays} - {"state", "moved"}:
             evidence = f"{FRICTION.name_of(part)}, whose state depends on {', '.join(sorted(more))}"
-            step = f"{spelt.target} keeps states of positions alone; export to json, which holds every part"
+            step = f"{spelt.target} keeps states of positions alone; identify without it, or export to json"
             raise BadOption("friction", evidence, step)
         texts = [spelt.expression(program, names) for program in programs]
         found += [StateUpdate(state.start, text) for state, text in zip(part.states, texts, strict=True)]

@@ -146,13 +146,13 @@ def compared(
     gain, error = _share(found[0] - found[1])
     better = gain > NOTHING
     told = (WHOLE, _ABSENT, _THERE if gain > 0 else _ABSENT, float(better), gain, error)
-    parts = [part for part in model.friction if part.states and part.is_optional]
+    parts = [part for part in model.friction if part.lags and part.is_optional]
     return better, tuple(FieldChoice(FRICTION.name_of(part), part.joints, *told) for part in parts)
 
 
 def _shares_of_delay(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[float, ...]:
     """Return which shares of the delays that were found are compared: friction that remembers lags as they do."""
-    longest = max(abs(log.delay_s) * log.log.rate for log in logs) if "state" in model.needs else 0.0
+    longest = max(abs(log.delay_s) * log.log.rate for log in logs) if any(part.lags for part in model.friction) else 0.0
     return tuple(np.linspace(1.0, 0.0, min(int(np.ceil(longest)), MOST) + 1)) if longest else (1.0,)
 
 
@@ -256,9 +256,9 @@ class _FieldSearch:
     def without_stand_ins(self) -> dict[int, FieldChoice]:
         """Leave out again what was taken before a part that remembers and says nothing beside it."""
         present = [p for p in range(len(self.model.friction)) if p not in self.absent]
-        open_ones = [p for p in present if self.model.friction[p].is_optional and not self.model.friction[p].states]
+        open_ones = [p for p in present if self.model.friction[p].is_optional and not self.model.friction[p].lags]
         dropped: dict[int, FieldChoice] = {}
-        if not open_ones or not any(self.model.friction[p].states for p in present):
+        if not open_ones or not any(self.model.friction[p].lags for p in present):
             return dropped
         pool, full = self._pooled.pool(self.model.friction), self._drives(present)
         tried = HeldOut.of(pool, full, [self._drives([p for p in present if p not in open_ones])])

@@ -1,0 +1,91 @@
+"""Friction that changes while a drive warms up by its own losses, where no temperature is logged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.model.friction._cold import Cold
+from dynident.model.friction.base import (
+    Friction,
+    Inputs,
+    Motion,
+    Number,
+    Range,
+    SharedUse,
+    State,
+    check_positive,
+    exponential,
+    smooth_sign,
+)
+from dynident.plugins import bounded
+
+#: Time constants in a piece of :meth:`WarmUp.states_along`: exp of it is far from the largest number.
+PIECE = 200.0
+
+
+@dataclass(frozen=True)
+class WarmUp(Friction):
+    """Change of Coulomb and viscous friction by the drive's own heat: (FcW tanh(dq / width) + FvW dq) w.
+
+    One thermal mass a drive, heated by what friction loses: time_constant w' = |dq| + dq^2 / crossover - w, the losses
+    over the level of Coulomb friction (first order in temperature: Simoni, Beschi, Legnani and Visioli 2015). Stands
+    beside ``coulomb`` and ``viscous``, which then hold at the start of each log, where w = 0. Warm grease is thin, so
+    both are negative as a rule. Where samples have no history the drive is as at the start of a log.
+
+    Attributes:
+        time_constant: Time in s in which the drive comes to 63 % of its final temperature.
+        crossover: Speed in rad/s (or m/s) at which viscous friction loses as much as Coulomb friction; what it does
+            to the course of w is mostly a factor.
+        width: Smoothing width of the Coulomb term (tanh), in rad/s (or m/s).
+    """
+
+    time_constant: float = 300.0
+    crossover: float = bounded(1.0, least=1e-6, most=1e6)
+    width: float = bounded(0.02, least=1e-9, most=1e3)
+
+    coefficients: ClassVar = Cold.coefficients
+    ranges: ClassVar = {"time_constant": Range(60.0, 3600.0, is_duration=True)}
+    shared: ClassVar = SharedUse(8, "optional", {"time_constant": 300.0, "choose": ("part", "time_constant")})
+
+    def __post_init__(self) -> None:
+        check_positive(self.time_constant, "time_constant", "a time in s, at most as long as the logs,")
+        check_positive(self.crossover, "crossover", "a speed in rad/s")
+        check_positive(self.width, "width", "a speed in rad/s")
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        return (State("w", "rad/s", "m/s", 0.0, 1.0),)
+
+    @property
+    def lags(self) -> bool:
+        return False
+
+    @property
+    def without_memory(self) -> Friction:
+        return Cold(joints=self.joints)
+
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        return at.state[0] * smooth_sign(at.dq, self.width), at.state[0] * at.dq
+
+    def update(self, at: Inputs) -> tuple[Number, ...]:
+        losses = abs(at.dq) + at.dq * at.dq * (1.0 / self.crossover)
+        return (losses + (at.state[0] - losses) * exponential(at.step * (-1.0 / self.time_constant)),)
+
+    def states_along(self, motion: Motion, step: float, first: Array | None = None) -> Array:
+        speed = np.abs(motion.dq)
+        losses = speed + speed**2 / self.crossover
+        keep = math.exp(-step / self.time_constant)
+        found = np.empty(speed.shape)
+        found[:1] = 0.0 if first is None else first[:, 0]
+        size = max(int(PIECE * self.time_constant / step), 1)
+        for start in range(1, len(found), size):  # the sum in closed form: all of it is positive, so nothing cancels
+            piece = losses[start : start + size]
+            decay = keep ** np.arange(1, len(piece) + 1)[:, None]
+            risen = np.cumsum(piece / decay, axis=0) * (1.0 - keep)
+            found[start : start + size] = decay * (found[start - 1] + risen)
+        return found[..., None]

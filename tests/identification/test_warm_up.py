@@ -1,0 +1,105 @@
+"""Friction of drives that warm up by their own losses: its state in closed form, and whether logs decide rightly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from dynident.applications.standstill import held_torque
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.errors import BadOption, LogMismatch
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.identify import identify
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Friction, Motion
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.presliding import Presliding
+from dynident.model.friction.viscous import Viscous
+from dynident.model.friction.warm_up import WarmUp
+from dynident.model.robot import Robot
+
+RATE = 20.0
+HOW = Preprocessing(AsGiven(), rest="keep")
+MakeMotion = Callable[..., Motion]
+
+#: What a draft asks of a long log, and what a robot may be like: friction falls by a third as it warms up.
+DRAFT = (Coulomb(0.02), Viscous(), WarmUp(choose=("part", "time_constant")))
+TRUTH, VALUES = (Coulomb(0.02), Viscous(), WarmUp(150.0)), [2.0, 1.0, -0.5, -0.2, 1.5, 0.8, -0.4, -0.15]
+
+
+def logged(robot: Robot, motion: MakeMotion, parts: tuple[Friction, ...], seconds: float, seed: int = 1) -> Log:
+    """Return a log with noise of 2 % of the torque."""
+    assert robot.nominal is not None
+    model, time = DynamicModel(robot, parts), np.arange(int(seconds * RATE)) / RATE
+    at = motion(2, time, 0.5, seed=seed)
+    values = np.array(VALUES).reshape(2, 4)[:, : model.coefficients_per_joint].ravel()
+    torque = model.torque(model.with_states(at, 1.0 / RATE), np.append(robot.nominal, values))
+    noise = 0.02 * np.std(torque, axis=0) * np.random.default_rng(seed).normal(size=torque.shape)
+    return Log(robot.joint_names, time, at.q, at.dq, at.ddq, torque=torque + noise)
+
+
+def warm_up_of(found: Estimate) -> WarmUp | None:
+    return next((part for part in found.model.friction if isinstance(part, WarmUp)), None)
+
+
+def test_the_state_is_that_of_its_own_update_and_of_the_closed_form(exact_motion: MakeMotion) -> None:
+    part, motion = WarmUp(0.5, crossover=0.7), exact_motion(3, np.arange(9000) / 50.0)  # two pieces of the sum
+    np.testing.assert_allclose(part.states_along(motion, 0.02), Friction.states_along(part, motion, 0.02), rtol=1e-12)
+    steady = np.full((200, 1), -0.4)
+    found = part.states_along(Motion(steady, steady, steady), 0.02)[:, 0, 0]
+    expected = (0.4 + 0.4**2 / 0.7) * -np.expm1(-np.arange(200) * 0.02 / 0.5)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)
+
+
+def test_the_logs_find_it(planar_2r: Robot, exact_motion: MakeMotion) -> None:
+    found = identify(DynamicModel(planar_2r, DRAFT), [logged(planar_2r, exact_motion, TRUTH, 400.0)], "wls", HOW)
+    part = warm_up_of(found)
+    assert part is not None and part.time_constant == pytest.approx(150.0, rel=0.1)
+    values = {p["name"]: p["value"] for p in found.parameters()}
+    for name, value in (("Fc[joint1]", 2.0), ("FcW[joint1]", -0.5), ("Fc[joint2]", 1.5), ("FcW[joint2]", -0.4)):
+        assert values[name] == pytest.approx(value, rel=0.1), name
+
+
+def test_it_is_left_out_where_drives_do_not_warm_up(planar_2r: Robot, exact_motion: MakeMotion) -> None:
+    log = logged(planar_2r, exact_motion, (Coulomb(0.02), Viscous()), 200.0)
+    assert warm_up_of(identify(DynamicModel(planar_2r, DRAFT), [log], "wls", HOW)) is None
+
+
+@pytest.mark.battery
+def test_it_is_left_out_in_95_of_100_and_found_in_all(planar_2r: Robot, exact_motion: MakeMotion) -> None:
+    model, false, far = DynamicModel(planar_2r, DRAFT), 0, 0
+    for seed in range(100):
+        none = logged(planar_2r, exact_motion, (Coulomb(0.02), Viscous()), 200.0, seed)
+        false += warm_up_of(identify(model, [none], "wls", HOW)) is not None
+        part = warm_up_of(identify(model, [logged(planar_2r, exact_motion, TRUTH, 400.0, seed)], "wls", HOW))
+        far += part is None or abs(part.time_constant / 150.0 - 1.0) > 0.1
+    assert false <= 5 and far <= 5
+
+
+def test_logs_too_short_for_it_do_not_try_it_and_refuse_it_where_it_is_stated(
+    planar_2r: Robot, exact_motion: MakeMotion
+) -> None:
+    log = logged(planar_2r, exact_motion, TRUTH, 100.0)
+    short = identify(DynamicModel(planar_2r, DRAFT), [log], "wls", HOW)
+    assert warm_up_of(short) is None
+    assert not [each for each in short.choices.chosen_fields or () if each.part == "warm_up"]
+    with pytest.raises(LogMismatch, match=r"time_constant 3000 s is longer than the longest log, 100 s; log at least"):
+        identify(DynamicModel(planar_2r, (*DRAFT[:2], WarmUp(3000.0))), [log], "wls", HOW)
+    with pytest.raises(BadOption, match="looked for from 60 s on, in logs of at least twice that; this is 100 s"):
+        identify(DynamicModel(planar_2r, (*DRAFT[:2], WarmUp(vary=("time_constant",)))), [log], "wls", HOW)
+
+
+def test_at_rest_a_warm_drive_holds_what_its_friction_is_then(planar_2r: Robot, exact_motion: MakeMotion) -> None:
+    assert planar_2r.nominal is not None
+    model = DynamicModel(planar_2r, (Coulomb(0.02), WarmUp(150.0), Presliding(0.01)))
+    motion = exact_motion(2, np.arange(50) / RATE)
+    warm = np.stack([np.full(motion.q.shape, 0.8), np.zeros(motion.q.shape)], axis=-1)
+    still = Motion(motion.q, np.zeros_like(motion.q), np.zeros_like(motion.q), state=warm)
+    theta = np.append(planar_2r.nominal, [2.0, -0.5, -0.2, 0.3, 1.5, -0.4, -0.15, 0.2])
+    held = held_torque(model, theta, still, np.ones(still.q.shape, dtype=bool))
+    expected = np.broadcast_to([2.0 - 0.8 * 0.5 + 0.3, 1.5 - 0.8 * 0.4 + 0.2], held.half.shape)
+    np.testing.assert_allclose(held.half, expected, rtol=1e-6)
