@@ -98,7 +98,7 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
     writer = _Writer(before)
     for name, body in _bodies(before, shares.inertias).items():
         writer.inertial(name, body)
-    tags, left = _tags(subject, drives)
+    tags, left = _tags(subject, drives, before)
     for name, values in tags.items():
         writer.joint(name, values)
     is_elsewhere = output.resolve().parent != source.path.resolve().parent
@@ -136,14 +136,23 @@ def _bodies(model: MjcfModel, new: Mapping[str, Inertia | None]) -> dict[str, In
     return {name: body for name, body in found.items() if body is not None or name in new}
 
 
-def _tags(subject: Identified, drives: Drives) -> tuple[dict[str, tuple[float, float | None, float | None]], list[str]]:
-    """Return armature, damping and friction loss of each joint, and the joints of which the model has no friction."""
+def _tags(
+    subject: Identified, drives: Drives, before: MjcfModel
+) -> tuple[dict[str, tuple[float, float | None, float | None]], list[str]]:
+    """Return armature, damping and friction loss of each joint, and the joints of which the model has no friction.
+
+    Where a leader has the armature of the file, it and its followers keep their own.
+    """
     armature, _, _ = drives.at_joints()
     friction = joint_tags(subject, drives)
+    stated = {one.name: one.drive.reflected_inertia for one in before.connections}
+    together = {one.name: one.drive.reflected_inertia for one in before.robot().joints}
     tags: dict[str, tuple[float, float | None, float | None]] = {}
     for joint in subject.model.robot.joints:
-        is_led = joint.mimic is not None
-        rotor = 0.0 if is_led else float(armature[drives.joints.index(joint.name)])
+        leader = joint.name if joint.mimic is None else joint.mimic.joint
+        rotor = float(armature[drives.joints.index(leader)])
+        is_kept = bool(np.isclose(rotor, together.get(leader, np.nan), rtol=1e-12, atol=0.0))
+        rotor = stated[joint.name] if is_kept else rotor if leader == joint.name else 0.0
         damping, dry = friction.get(joint.name, (None, None))
         tags[joint.name] = (rotor, damping, dry)
     return tags, [name for name in subject.model.robot.joint_names if name not in friction]
