@@ -176,6 +176,30 @@ def test_a_file_that_is_no_calibration(tmp_path: Path, text: str, told: str) -> 
         read_calibration(tmp_path / "c.json")
 
 
+def test_a_gripper_is_a_share_beside_degrees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """LeRobot records it from 0 to 100 there too; a calibration without a gripper has no place beside degrees."""
+    monkeypatch.chdir(tmp_path)
+    link = '<link name="{1}"><inertial><mass value="0.1"/><inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" \
+izz="1e-4"/></inertial></link><joint name="{0}" type="revolute"><parent link="{2}"/><child link="{1}"/>\
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="5" velocity="9"/></joint>'
+    links = link.format("elbow", "a", "base") + link.format("gripper", "b", "a")
+    Path("pendulum.urdf").write_text(f'<robot name="r"><link name="base"/>{links}</robot>')
+    t = np.arange(60) / 30.0
+    q = np.column_stack([t, 40.0 * np.sin(t), 50.0 + 45.0 * np.sin(t), 41.0 * np.sin(t), 50.0 + 40.0 * np.sin(t)])
+    np.savetxt("set.csv", q, "%.9g", ",", header="t,q1,q2,q_ref1,q_ref2", comments="")
+    own = "{time: t, q: [q1, q2], q_ref: [q_ref1, q_ref2], torque: none}, units: {position: deg}"
+    case = CASE.replace("{profile: lerobot, columns: {torque: none}%s}", f"{{columns: {own}}}")
+    case = case.replace("set.parquet\nsplit: first:0.67", "set.csv")
+    Path("case.yaml").write_text(case % ", calibration: two.json")
+    Path("two.json").write_text(json.dumps({"elbow": CALIBRATION["joint1"], "gripper": CALIBRATION["joint1"]}))
+    (log,) = logs_of_servos(read_case("case.yaml"))[0]
+    travel = (HIGH - LOW) * 2.0 * np.pi / 4096
+    np.testing.assert_allclose(log.q, np.column_stack([np.deg2rad(q[:, 1]), (q[:, 2] - 50) / 100 * travel]), atol=1e-8)
+    Path("two.json").write_text(json.dumps({"a": CALIBRATION["joint1"], "b": CALIBRATION["joint1"]}))
+    with pytest.raises(DescriptionError, match="beside degrees a gripper alone"):
+        read_case("case.yaml")
+
+
 def test_the_share_of_the_gripper_counts_from_its_closed_end(tmp_path: Path) -> None:
     """By the counts: LeRobot's shares are linear from range_min to range_max."""
     (tmp_path / "c.json").write_text(json.dumps({**CALIBRATION, "gripper": CALIBRATION["joint1"]}))

@@ -155,18 +155,21 @@ def _positions(path: str | Path, how: ServoColumns, signal: str, values: Array) 
     elif how.ranges:
         logged = names.joints or how.joints
         own = [how.ranges[logged.index(joint)] for joint in how.joints]
-        _check_shares(path, how, signal, values)
-        found = np.column_stack([motor.radians(column) for motor, column in zip(own, values.T, strict=True)])
+        shared = {k: motor for k, motor in enumerate(own) if motor is not None}
+        _check_shares(path, [how.joints[k] for k in shared], signal, values[:, list(shared)])
+        found = np.array(names.to_si(signal, values))
+        for k, motor in shared.items():
+            found[:, k] = motor.radians(values[:, k])
     else:
         found = names.to_si(signal, values)
     return names.counted(signal, found) if names.wrapped else found
 
 
-def _check_shares(path: str | Path, how: ServoColumns, signal: str, values: Array) -> None:
+def _check_shares(path: str | Path, joints: Sequence[str], signal: str, values: Array) -> None:
     most = np.nanmax(np.abs(values), axis=0, initial=0.0)
     beyond = np.flatnonzero(most > _MOST_SHARE * SHARES)
     if signal == "q" and len(beyond):
-        evidence = f"positions of {how.joints[beyond[0]]} reach {most[beyond[0]]:.4g}, and shares of a range end at 100"
+        evidence = f"positions of {joints[beyond[0]]} reach {most[beyond[0]]:.4g}, and shares of a range end at 100"
         step = "leave calibration out and state the unit (log: {units: {position: deg}}), or name the right calibration"
         raise LogMismatch(str(path), evidence, step)
 

@@ -51,7 +51,8 @@ class ServoColumns:
         kp: Position gain of each log: a number for all, a column, a pattern with ``{}`` in the log's name, or numbers
             by name; None where it is not known.
         counts: Name of a coding of COUNTS where positions and commands are counts; empty where they have a unit.
-        ranges: Range of the motor of each logged joint where positions and commands are shares of it; else empty.
+        ranges: Range of the motor of each logged joint whose positions and commands are shares of it, None for one in
+            the unit of the columns; empty where all are.
         payloads: Payload by a word in the name of a log; logs without any of them were recorded without one.
     """
 
@@ -63,7 +64,7 @@ class ServoColumns:
     added: tuple[str, ...] = ()
     kp: float | str | Mapping[str, float] | None = None
     counts: str = ""
-    ranges: tuple[MotorRange, ...] = ()
+    ranges: tuple[MotorRange | None, ...] = ()
     payloads: Mapping[str, Payload] = field(default_factory=dict)
 
 

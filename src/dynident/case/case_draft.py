@@ -21,7 +21,7 @@ from dynident.case.draft.profile_fit import fitting_profiles
 from dynident.case.draft.readings import long_gap, opened
 from dynident.case.draft.recognise import cutoff_of, recognised
 from dynident.case.draft.recognition import Recognised
-from dynident.case.draft.servo_text import is_servo_log
+from dynident.case.draft.servo_text import is_servo_log, servo_remark
 from dynident.case.draft.signal_units import position_factors
 from dynident.case.questions import Question, questions_in
 from dynident.data.formats import FORMATS, LARGE, LogFormat, LogTable, bytes_of
@@ -283,7 +283,7 @@ def _remarks(found: Recognised) -> list[str]:
             f"{name} never moves; it is locked where it stands; record a motion of all joints to identify it"
         )
     if is_servo_log(found):
-        remarks.append("no torques and no currents: the case is for the actuators, from commands and positions")
+        remarks.append(servo_remark(found))
     elif not found.effort and not {"torque", "current"} & found.rivals.keys():
         remarks.append(f"no torques and no currents: nothing can be identified without one of them{_ELSEWHERE}")
     return remarks + _against(found)

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from dynident.actuators.drive_law import COUNTS, PRESETS, DriveLaw, preset
-from dynident.actuators.lerobot_calibration import MotorRange, read_calibration
+from dynident.actuators.lerobot_calibration import GRIPPER, MotorRange, read_calibration
 from dynident.actuators.parameters import FRICTION_MODELS
 from dynident.actuators.servo_log import AUTO, ServoColumns, ServoSetup
 from dynident.case.case_values import find_file, guarded, texts
@@ -112,14 +112,26 @@ def _payloads(section: Section, links: tuple[str, ...]) -> dict[str, Payload]:
     return found
 
 
-def _ranges(section: Section, columns: ColumnMap, logged: tuple[str, ...]) -> tuple[MotorRange, ...]:
+def _ranges(section: Section, columns: ColumnMap, logged: tuple[str, ...]) -> tuple[MotorRange | None, ...]:
     """Return the range of the motor of each logged joint from a calibration file of LeRobot.
 
-    Motors are those of the joints' names; where no name agrees, they are in the order of the joints.
+    Motors are those of the joints' names; where no name agrees, they are in the order of the joints. Where positions
+    are degrees, the gripper alone is a share of its range.
     """
+    place, unit = section.place("calibration"), columns.units.position
+    found = _motors(section, logged)
+    if unit == "rad":
+        return found
+    ranges = tuple(motor if motor.name.endswith(GRIPPER) else None for motor in found)
+    if unit != "deg" or not any(ranges):
+        step = "leave out units: position, or the calibration; beside degrees a gripper alone is a share of its range"
+        raise place.error("a unit of positions beside shares", step)
+    return ranges
+
+
+def _motors(section: Section, logged: tuple[str, ...]) -> tuple[MotorRange, ...]:
+    """Return the motor of each logged joint."""
     place = section.place("calibration")
-    if columns.units.position != "rad":
-        raise place.error("a unit of positions beside shares", "leave out units: position, or the calibration")
     if section.has("counts"):
         raise place.error("counts and calibration beside each other", "state counts, or calibration of shares")
     found = read_calibration(find_file(section.text("calibration"), str(section.path)))

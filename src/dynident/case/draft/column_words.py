@@ -47,6 +47,9 @@ OTHER = frozenset(
     "quat flange voltage volt volts power status mode flag count version bits".split()
 )
 
+#: Words for the share of its drive that a servo uses, which is no torque.
+SHARE_WORDS = frozenset("load duty pwm".split())
+
 #: Words that say nothing more about a column.
 NEUTRAL = frozenset(
     "joint joints j axis a achse arm robot state states value values observation data of s field msg header raw grp "

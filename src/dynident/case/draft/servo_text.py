@@ -6,9 +6,13 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from dynident.actuators.drive_law import PRESETS
+from dynident.actuators.lerobot_calibration import GRIPPER, SHARES
+from dynident.case.draft.column_words import OTHER, SHARE_WORDS, SIGNAL, tokens_of
 from dynident.case.draft.recognition import Recognised
-from dynident.case.draft.yaml_words import offered, quoted
+from dynident.case.draft.yaml_words import asked, few, offered, quoted
 
 #: Columns that say whether a drive is on.
 _ENABLED = re.compile(r"(torque|motor|drive|servo)[_ ]?(enabled?|on)\d*|enabled?\d*", re.IGNORECASE)
@@ -21,6 +25,46 @@ def is_servo_log(found: Recognised) -> bool:
     """Return whether the logs have commanded and measured positions and nothing that may be a torque or a current."""
     efforts = {"torque", "current"}
     return {"q", "q_ref"} <= found.sources.keys() and not efforts & (found.sources.keys() | found.rivals.keys())
+
+
+def servo_remark(found: Recognised) -> str:
+    """Return why the case is for actuators, with the columns that are no joint torques though they may look so."""
+    used = {name for source in found.sources.values() for name in source.columns}
+    shares, others = [], []
+    for name in found.header:
+        words = set(tokens_of(name))
+        if name in used or OTHER & words or _ENABLED.fullmatch(name):
+            continue
+        if any(SIGNAL.get(word) in ("torque", "current") for word in words):
+            others.append(name)
+        elif SHARE_WORDS & words:
+            shares.append(name)
+    told = "the case is for the actuators, from commands and positions"
+    if not shares and not others:
+        return f"no torques and no currents: {told}"
+    step = "where they are torques or currents of all joints, name them (log: columns) and take servo out"
+    why = "load and duty of a servo are shares of its drive, no torques" if not others else "not one for each joint"
+    return f"not read: {few([*others, *shares], 8)} ({why}); {told}; {step}"
+
+
+def _gripper_line(found: Recognised) -> list[str]:
+    """Return the question whether a gripper is logged as a share of its range where other joints may be in degrees."""
+    columns, readings = found.sources["q"].columns, [one.signals["q"] for one in found.readings]
+    if found.units.get("position") is None or len({q.shape[1] for q in readings} | {len(columns)}) != 1:
+        return []
+    low, high = (np.array([edge(q, axis=0) for q in readings]) for edge in (np.nanmin, np.nanmax))
+    low, high = low.min(axis=0), high.max(axis=0)
+    for k, (joint, column) in enumerate(zip(found.joints.names, columns, strict=False)):
+        others = np.delete(high - low, k)
+        is_share = -1.0 <= low[k] and high[k] <= SHARES + 1.0 and high[k] - low[k] > 2.0 * np.pi
+        if GRIPPER in f"{joint} {column}".lower() and is_share and np.any(others > 2.0 * np.pi):
+            text = (
+                f"{column} runs from {low[k]:.3g} to {high[k]:.3g}: percent of its range, as LeRobot has a gripper "
+                f"beside degrees too? Name the JSON of lerobot-calibrate; else lock it (locked: {{{joint}: 0}}), or "
+                "take this line out where it is in degrees"
+            )
+            return [asked("  calibration", text)]
+    return []
 
 
 def servo_lines(found: Recognised, logs: Sequence[str]) -> list[str]:
@@ -46,5 +90,6 @@ def servo_lines(found: Recognised, logs: Sequence[str]) -> list[str]:
         lines.append(f"  enabled: {names}   # 1 where the drive is on, by its name")
     else:
         lines.append(offered("  # enabled: torque_enable", "is the drive off in a part of the log? Name the column"))
+    lines += _gripper_line(found)
     lines.append("  friction: auto              # by roll-outs of held-out logs")
     return lines
