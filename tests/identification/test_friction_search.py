@@ -315,6 +315,18 @@ def test_torque_that_repeats_with_position_is_chosen_over_a_whole_cycle_alone(
     assert all(scale[spatial_3r.joint_names.index(name)] >= 1 for name in on)
 
 
+def test_a_stated_cycle_that_the_logs_do_not_show_is_refused(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    model = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous()))
+    log = exact_log(model, with_friction(model, np.tile([3.0, 1.5], 3)), noise=0.1, samples=400)
+    span = np.ptp(log.q, axis=0)[0]
+    ripple = Periodic(np.pi / span * 1.02, joints=("joint1",))  # a little more than half a cycle
+    assert identify(replace(model, friction=(*model.friction, ripple)), [log], "wls", GIVEN)
+    told = rf"periodic repeats after .* rad \(or m\), and less than half of that is seen: 'joint1' {span:.3g};"
+    with pytest.raises(LogMismatch, match=told):
+        ripple = replace(ripple, cycles=np.pi / span * 0.98)
+        identify(replace(model, friction=(*model.friction, ripple)), [log], "wls", GIVEN)
+
+
 def test_no_delay_is_found_where_friction_is_chosen_and_none_is_there(spatial_3r: Robot, exact_log: MakeLog) -> None:
     """Rotors and friction that bends, which a list of the usual three lacks, are no delay."""
     truth = DynamicModel(spatial_3r, (Coulomb(0.02), Degressive(), RotorInertia()))

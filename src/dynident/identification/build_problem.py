@@ -121,8 +121,10 @@ def _within_logs(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel
     duration the logs are too short for are missing.
 
     Raises:
-        LogMismatch: A distance that is stated is below the resolution, or a duration beyond the longest log.
+        LogMismatch: A distance that is stated is below the resolution, a duration beyond the longest log, or a cycle
+            beyond the motion.
     """
+    _check_cycles(model, logs)
     finest, longest = _resolution(model, logs), max(len(log.time) / log.rate for log in logs)
     parts: list[Friction] = []
     for part in model.friction:
@@ -180,6 +182,26 @@ def _with_chosen_fields(
         if not better:
             return other, others, replace(without_it, chosen_fields=(*(without_it.chosen_fields or ()), *tried))
     return chosen, prepared, choices
+
+
+def _check_cycles(model: DynamicModel, logs: Sequence[Log]) -> None:
+    """Refuse friction that repeats over positions of which the logs show less than a half.
+
+    Raises:
+        LogMismatch: Some is stated.
+    """
+    coupling = np.asarray(model.robot.coupling)
+    for part in model.friction:
+        if part.cycle is None or part.is_optional:
+            continue
+        span = np.ptp(np.concatenate([np.asarray(log.q) @ coupling.T for log in logs]), axis=0)
+        short = [drive for drive in model.drives_of(part) if span[drive] < 0.5 * part.cycle]
+        if short:
+            moved = ", ".join(f"'{model.robot.joint_names[drive]}' {span[drive]:.3g}" for drive in short)
+            repeats = f"{FRICTION.name_of(part)} repeats after {part.cycle:.3g} rad (or m)"
+            evidence = f"{repeats}, and less than half of that is seen: {moved}"
+            step = "log motions over at least a whole cycle, or state the part for other joints (joints: ...)"
+            raise LogMismatch(logs[0].name, evidence, step)
 
 
 def _lags(model: DynamicModel) -> bool:
