@@ -282,3 +282,20 @@ def test_each_two_triangles_that_follow_each_other_are_merged(count: int) -> Non
         pair = np.concatenate(list(rows[2 * k : 2 * k + 2]))
         np.testing.assert_allclose(factor.T @ factor, pair.T @ pair, atol=1e-12)
         np.testing.assert_array_equal(np.tril(factor, -1), 0.0)
+
+
+def test_triangles_are_solved_alike_whatever_their_condition() -> None:
+    """A well-conditioned one by itself, a nearly dependent one and one with a zero column by singular values."""
+    rows = np.random.default_rng(3).normal(size=(200, 6))
+    for column, found in ((rows[:, 4], 5), (rows[:, 0] + 1e-13 * rows[:, 4], 4), (0.0 * rows[:, 4], 4)):
+        matrix = np.column_stack([rows[:, :4], column]) * np.geomspace(1e-4, 1e4, 5)
+        upper = triangle_of(np.column_stack([matrix, rows[:, 5]]))
+        problem = Reduced(upper[:5, :5], upper[:5, 5], float(upper[5, 5] ** 2), 200)
+        solution, norms = least_squares(problem), np.linalg.norm(matrix, axis=0)
+        unit = matrix / np.where(norms > 0, norms, 1.0)
+        expected = np.linalg.lstsq(unit, rows[:, 5], rcond=1e-10)[0]
+        np.testing.assert_allclose(solution.beta * np.where(norms > 0, norms, 1.0), expected, atol=1e-9)
+        kept = np.sum(solution.singular_values > 1e-10 * solution.singular_values[0])
+        assert kept == found
+        np.testing.assert_allclose(solution.singular_values, np.linalg.svd(unit, compute_uv=False), atol=1e-12)
+        assert (solution.condition_number < 1e10) == (kept == 5)

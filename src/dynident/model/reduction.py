@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from dynident.arrays import Array, IntArray, frozen
-from dynident.model.lapack import cholesky, times_upper, tpqrt, upper_triangle
+from dynident.model.lapack import cholesky, solve_upper, times_upper, tpqrt, upper_triangle
 from dynident.model.threads import one_blas_thread
 
 #: Columns factored at a time inside a panel; 8 is the fastest for panels of 20 to 60 columns.
@@ -170,23 +171,43 @@ class LeastSquares:
     Attributes:
         beta: Minimiser, shape (b,).
         unscaled_covariance: (R'R)^-1, shape (b, b); times the residual variance it is the covariance.
-        singular_values: Of R with unit columns, largest first, shape (b,).
-        condition_number: Their ratio.
+        scaled: R with unit columns.
     """
 
     beta: Array
     unscaled_covariance: Array
-    singular_values: Array
-    condition_number: float
+    scaled: Array
+
+    @cached_property
+    def singular_values(self) -> Array:
+        """Those of R with unit columns, largest first, shape (b,)."""
+        return np.linalg.svd(self.scaled, compute_uv=False)
+
+    @property
+    def condition_number(self) -> float:
+        """Their ratio."""
+        s = self.singular_values
+        return float(s[0] / s[-1]) if len(s) and s[-1] > 0 else np.inf
 
 
 def least_squares(problem: Reduced, tolerance: float = 1e-10) -> LeastSquares:
-    """Solve min |R beta - z| by the singular values of R with unit columns; directions below tolerance stay zero."""
+    """Solve min |R beta - z|; directions whose singular values with unit columns are below tolerance stay zero."""
     norms = problem.column_norms
     scale = np.where(norms > 0, norms, 1.0)
-    u, s, vt = np.linalg.svd(problem.r / scale)
-    keep = s > tolerance * s[0] if len(s) and s[0] > 0 else np.zeros(len(s), bool)
-    inverse = np.where(keep, 1.0 / np.where(keep, s, 1.0), 0.0)
-    root = (vt.T * inverse) / scale[:, None]
-    condition = float(s[0] / s[-1]) if len(s) and s[-1] > 0 else np.inf
-    return LeastSquares(root @ (u.T @ problem.z), root @ root.T, s, condition)
+    scaled = problem.r / scale
+    inverse = _inverse(scaled, tolerance)
+    if inverse is None:
+        u, s, vt = np.linalg.svd(scaled)
+        keep = s > tolerance * s[0] if len(s) and s[0] > 0 else np.zeros(len(s), bool)
+        inverse = (vt.T * np.where(keep, 1.0 / np.where(keep, s, 1.0), 0.0)) @ u.T
+    root = inverse / scale[:, None]
+    return LeastSquares(root @ problem.z, root @ root.T, scaled)
+
+
+def _inverse(upper: Array, tolerance: float) -> Array | None:
+    """Return the inverse of a triangle; None where its condition, <= b times that by sums of columns, may be high."""
+    if len(upper) != upper.shape[1] or np.any(np.tril(upper, -1)) or not np.all(np.diag(upper)):
+        return None
+    inverse = solve_upper(upper, np.eye(len(upper)))
+    bound = len(upper) * np.prod([np.abs(each).sum(axis=0).max(initial=0.0) for each in (upper, inverse)])
+    return inverse if bound < 1.0 / tolerance else None

@@ -82,15 +82,11 @@ class Thinning:
         return zero_phase(folded, self.recursion, 0)
 
     @cached_property
-    def memory(self) -> Array:
-        """Powers 1 to ``reach`` of the poles, real parts and then imaginary ones, shape (reach, 2 P).
+    def powers(self) -> Array:
+        """Powers 0 to ``reach`` of the poles, real parts and then imaginary ones, shape (reach + 1, 2 P).
 
-        The signal, latest sample first, times these is what the way there has left after its last sample.
+        The signal, latest sample first, times these from 1 on is what the way there has left after its last sample.
         """
-        return self._powers[1:]
-
-    @cached_property
-    def _powers(self) -> Array:
         powers = self.filter.poles ** np.arange(self.reach + 1)[:, None]
         return np.concatenate([powers.real, powers.imag], axis=1)
 
@@ -98,7 +94,7 @@ class Thinning:
         """Return what the way back takes off because it begins at rest, shape (k, m).
 
         Args:
-            left: The signals less their last value, times :attr:`memory`, shape (k, 2 P).
+            left: The signals less their last value, times :attr:`powers` from 1 on, shape (k, 2 P).
             to_end: Samples from each wanted sample to the last one of the signal and its extension, shape (m,).
         """
         poles = self.filter.poles
@@ -108,7 +104,7 @@ class Thinning:
         both = poles[:, None] * poles
         after = residues[:, None] * (both / (1.0 - both) - poles[:, None] / (1.0 - poles[:, None]))
         amplitudes = ((left[:, :count] + 1j * left[:, count:]) * residues) @ after.T
-        return np.concatenate([amplitudes.real, -amplitudes.imag], axis=1) @ self._powers[to_end].T
+        return np.concatenate([amplitudes.real, -amplitudes.imag], axis=1) @ self.powers[to_end].T
 
 
 def thinning(cutoff: float, order: int, rate: float, every: int, reach: int, pad: int) -> Thinning | None:

@@ -50,24 +50,30 @@ class GravityDirection:
         self._squares, self._whole = np.zeros((2, joints, joints + 1, joints + 1))
         owners, eliminated = np.bincount(np.concatenate(still.columns), minlength=size), np.zeros(size, bool)
         for i in range(joints):
-            kept = still.masks[:, i]
-            parts = np.zeros((4, int(kept.sum()), size))
-            for part, rows in zip(parts, (still, *along), strict=True):
-                part[:, rows.columns[i]] = rows.blocks[i][kept]
+            kept, own = still.masks[:, i], still.columns[i]
+            parts = np.stack([rows.blocks[i][kept] for rows in (still, *along)])
             parts[1:] -= parts[0]
             if i == 0:
+                own = np.append(own, [size - 2, size - 1])
+                parts = np.concatenate([parts, np.zeros((4, parts.shape[1], 2))], axis=2)
                 parts[0, :, -2:] = self._first[kept]
             torques = np.column_stack([still.torque, still.known[:, i]])[kept]
             self._whole[i] = torques.T @ torques
-            alone = (owners == 1) & parts[0].any(axis=0) & ~parts[1:].any(axis=(0, 1))  # friction
+            pulled = parts[1:].any(axis=(0, 1))
+            alone = (owners[own] == 1) & parts[0].any(axis=0) & ~pulled  # friction
             basis = np.linalg.qr(parts[0][:, alone])[0]
-            parts -= basis @ (basis.T @ parts)
             torques -= basis @ (basis.T @ torques)
-            eliminated |= alone
+            columns, places = [parts[0]] + [part[:, pulled] for part in parts[1:]], [own] + [own[pulled]] * 3
+            columns = [part - basis @ (basis.T @ part) for part in columns]
+            eliminated[own[alone]] = True
             for place, (a, b) in enumerate(PAIRS):
-                gram = parts[a].T @ parts[b]
-                self._grams[i, place] = gram if a == b else gram + gram.T
-            self._sides[i], self._squares[i] = parts.swapaxes(1, 2) @ torques, torques.T @ torques
+                gram = self._grams[i, place]
+                gram[np.ix_(places[a], places[b])] = columns[a].T @ columns[b]
+                if a != b:
+                    gram += gram.T.copy()
+            for part, at, sides in zip(columns, places, self._sides[i], strict=True):
+                sides[at] = part.T @ torques
+            self._squares[i] = torques.T @ torques
         self._grams = self._grams[:, :, ~eliminated][..., ~eliminated]
         self._sides = self._sides[:, :, ~eliminated]
         (self._stated,) = self._scores([np.asarray(fit.model.robot.gravity)])

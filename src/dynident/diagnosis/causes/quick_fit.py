@@ -46,6 +46,10 @@ SAMPLES_PER_HZ = 20.0
 #: Rows of a joint below which nothing is said.
 FEWEST_ROWS = 30
 
+#: Models whose base parameters are kept, and these, the last first.
+KEPT = 4
+_known: list[tuple[Robot, tuple[Friction, ...], BaseParameters]] = []
+
 
 @dataclass(frozen=True)
 class FitRows:
@@ -257,11 +261,21 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
     )
     try:
         thin = thinned_log(log, SAMPLES_PER_HZ * cutoff, case.preprocessing.longest_gap_s)
-        found = QuickFit(model, base_parameters(model), thin, how)
+        found = QuickFit(model, base_of(model), thin, how)
         enough = found.rows.masks.sum() > 2 * found.base.count
     except DynidentError:
         return None
     return found if enough else None
+
+
+def base_of(model: DynamicModel) -> BaseParameters:
+    """Return the base parameters of a model; logs of one case have the same robot, for which they are found once."""
+    for robot, friction, base in _known:
+        if robot is model.robot and friction == model.friction:
+            return base
+    base = base_parameters(model)
+    _known[:] = [(model.robot, model.friction, base), *_known[: KEPT - 1]]
+    return base
 
 
 def _by_kind(part: Friction, robot: Robot) -> list[Friction]:

@@ -47,11 +47,23 @@ class Trends:
 
     @cached_property
     def causes(self) -> tuple[Cause, ...]:
-        """The causes that are tried."""
-        return tuple(self._causes())
+        """The causes that are tried; those of columns over all rows are filtered as the torques are, all at once."""
+        found, prepared = list(self._causes()), self.fit.rows.prepared
+        columns = [cause.columns.transpose(0, 2, 1) for cause in found if cause.name != "torque scale"]
+        there = [column.any(axis=2) for column in columns]
+        smooth = prepared.smooth(np.concatenate([column[at] for column, at in zip(columns, there, strict=True)]))
+        ends = np.cumsum([np.count_nonzero(at) for at in there])
+        filtered = zip(there, np.split(smooth[:, prepared.keep], ends[:-1]), strict=True)
+        for k, cause in enumerate(found):
+            if cause.name != "torque scale":
+                at, own = next(filtered)
+                values = np.zeros((*at.shape, own.shape[1]))
+                values[at] = own
+                found[k] = replace(cause, columns=values.transpose(0, 2, 1))
+        return tuple(found)
 
     def _causes(self) -> Iterator[Cause]:
-        """Yield the causes that are tried."""
+        """Yield the causes that are tried, not filtered yet; a torque that was predicted is."""
         names = self.fit.model.robot.joint_names
         clock = np.asarray(self._log.time)
         clock = (clock - clock.mean()) / max(float(np.ptp(clock)), 1e-9)
@@ -60,30 +72,25 @@ class Trends:
         for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
             if not told[i]:
                 continue
-            yield self._cause("drift", name, self._at_joint(i, clock))
-            yield self._cause("spring", name, self._at_joint(i, q[:, i] - q[:, i].mean()))
+            yield _cause("drift", name, self._at_joint(i, clock))
+            yield _cause("spring", name, self._at_joint(i, q[:, i] - q[:, i].mean()))
             if joint.kind == "revolute":
-                yield self._cause(
+                yield _cause(
                     "counterbalance", name, self._at_joint(i, np.sin(q[:, i])), self._at_joint(i, np.cos(q[:, i]))
                 )
             speed = self._speed[:, i]
             size = np.abs(speed)
             curves = (speed * size, sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i], size)
-            yield self._cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
+            yield _cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
             yield Cause("torque scale", name, self._own_torque(i)[None])
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
-        yield self._cause("friction drift", "", *warm)
-        yield self._cause("time scale", "", self._clock())
+        yield _cause("friction drift", "", *warm)
+        yield _cause("time scale", "", self._clock())
         yield from self._tilts()
 
     @cached_property
     def _predicted(self) -> Array:
         return self.fit.regressor.predict(self._log, self.fit.plain.beta)
-
-    def _cause(self, name: str, joint: str, *columns: Array) -> Cause:
-        """Return a cause whose columns (N, n) over all rows are filtered as the torques are."""
-        prepared = self.fit.rows.prepared
-        return Cause(name, joint, np.stack([prepared.smooth(column.T).T[prepared.keep] for column in columns]))
 
     def _at_joint(self, joint: int, values: Array) -> Array:
         """Return values (N,) as a torque of one joint, shape (N, n)."""
@@ -123,9 +130,14 @@ class Trends:
         still, *along = (regressor.predict(self._log, beta) for regressor in self._gravity)
         pulls = np.stack(along) - still
         columns = [size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)]
-        yield self._cause("tilt", "", *columns)
+        yield _cause("tilt", "", *columns)
 
 
 def across_gravity(gravity: Array) -> Array:
     """Return two unit vectors across gravity and each other, shape (2, 3)."""
     return np.linalg.svd(gravity[None] / np.linalg.norm(gravity))[2][1:]
+
+
+def _cause(name: str, joint: str, *columns: Array) -> Cause:
+    """Return a cause with columns (N, n)."""
+    return Cause(name, joint, np.stack(columns))

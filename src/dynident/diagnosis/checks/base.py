@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from dynident.case.case import Case
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
-from dynident.diagnosis.causes.quick_fit import QuickFit, beyond_quick_fit, quick_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit, base_of, beyond_quick_fit, quick_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, joint_scales
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.finding import Finding
@@ -18,7 +18,6 @@ from dynident.diagnosis.recording import Recording
 from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.selection.delay import Delay, find_delays
-from dynident.model.base_parameters import base_parameters
 
 #: A delay counts from this many of its standard deviations on.
 SURE_DELAY = 5.0
@@ -57,7 +56,7 @@ class CheckedLog:
             return None
         more = [part for part in beyond_quick_fit(self.case) if not part.needs]
         model = replace(self.fit.model, friction=(*self.fit.model.friction, *more))  # a bend passes for a lead
-        base = base_parameters(model) if more else self.fit.base
+        base = base_of(model) if more else self.fit.base
         try:
             (found,), _ = find_delays(model, base, [self.fit.log], self.fit.how)
         except DynidentError:

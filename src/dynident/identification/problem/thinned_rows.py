@@ -52,7 +52,7 @@ def thinned_rows(make: Make, sizes: Sequence[int], samples: int, keep: IntArray,
         end = int(keep[-1]) - (int(keep[-1]) - last - half) // every * every
     count = 1 + (end - begin) // every
     folded = [np.empty((size, count + past * at_end)) for size in sizes]
-    left = [np.zeros((size, thin.memory.shape[1])) for size in sizes] if at_end else []
+    left = [np.zeros((size, thin.powers.shape[1])) for size in sizes] if at_end else []
     done = last - thin.reach
     step = max(1, max(FOLDED, 8 * (2 * half + 1)) // every)
     for first in range(0, count, step):
@@ -63,7 +63,7 @@ def thinned_rows(make: Make, sizes: Sequence[int], samples: int, keep: IntArray,
             thin.fold(block[:-1], out, first, many)
         if at_end and min(high, last) > max(low, done):
             done = max(low, done)
-            weights = thin.memory[last - 1 - done :: -1][: min(high, last) - done]
+            weights = thin.powers[last - done : 0 : -1][: min(high, last) - done]
             for k, block in enumerate(blocks):
                 left[k] += block[:-1, done - low : min(high, last) - low] @ weights
             done = min(high, last)
@@ -77,7 +77,7 @@ def thinned_rows(make: Make, sizes: Sequence[int], samples: int, keep: IntArray,
         found = thin.settle(own)[:, places]
         if at_end:
             late = slice(np.searchsorted(keep, last - thin.reach), None)
-            sums = left[k] - own[:, -1:] * thin.memory.sum(axis=0)
+            sums = left[k] - own[:, -1:] * thin.powers[1:].sum(axis=0)
             found[:, late] -= thin.last_outputs(sums, last - keep[late])
         rows.append(found)
     return rows

@@ -233,7 +233,7 @@ class PooledLogs:
         ]
         made = self._rows_of(parts)
         signs = [rigid.parameters[k].nonnegative for k in rigid.independent] + [False] * later
-        blocks, every = np.cumsum([0, *(log.blocks for log in self._logs)]), [np.concatenate(own) for own in places]
+        blocks, every = np.cumsum([0, *(len(log.rows) for log in self._logs)]), [np.concatenate(own) for own in places]
         products = tuple(np.zeros((blocks[-1], len(own), len(own))) for own in every)
         fast = tuple(np.zeros((1, len(own), len(own))) for own in every)
         for k, log in enumerate(self._logs):
@@ -248,7 +248,7 @@ class PooledLogs:
             np.concatenate([log.rows for log in self._logs]),
             np.array(signs + [own.nonnegative for own in whole.parameters[whole.inertial_count :]]),
             fast,
-            np.sum([log.fast_rows for log in self._logs], axis=0),
+            np.sum([np.sum((log.block >= 0)[:, None] & log.mask & log.fast, axis=0) for log in self._logs], axis=0),
             tuple(views),
         )
 
@@ -319,20 +319,10 @@ class _PooledLog:
     fast: BoolArray
     segments: list[RowSegment]
 
-    @property
-    def blocks(self) -> int:
-        """Number of blocks."""
-        return int(self.block.max()) + 1
-
     @cached_property
     def rows(self) -> IntArray:
         """Rows of each joint in each block, shape (B, n)."""
-        return np.stack([np.sum((self.block == b)[:, None] & self.mask, axis=0) for b in range(self.blocks)])
-
-    @cached_property
-    def fast_rows(self) -> IntArray:
-        """Rows of each joint that are among the fastest, shape (n,)."""
-        return np.sum((self.block >= 0)[:, None] & self.mask & self.fast, axis=0)
+        return np.stack([np.sum((self.block == b)[:, None] & self.mask, axis=0) for b in range(self.block.max() + 1)])
 
     def add(self, friction: Sequence[FrictionRows], products: Sequence[Array], fast: Sequence[Array]) -> None:
         """Add the products of each block at each joint (B, k_i, k_i), and those of the fastest rows (1, k_i, k_i).
@@ -341,7 +331,7 @@ class _PooledLog:
         """
         for k, (part, shared) in enumerate(self.segments):
             block = self.block[part]
-            runs = [(b, np.flatnonzero(block == b)) for b in range(self.blocks)]
+            runs = [(b, np.flatnonzero(block == b)) for b in range(len(self.rows))]
             for i, (found, quick) in enumerate(zip(products, fast, strict=True)):
                 counted = (block >= 0) & self.mask[part, i]
                 values = np.vstack([shared[i], *(rows[k][i] for rows in friction)])

@@ -50,10 +50,6 @@ class WeighedRows:
             self._blocks[view] = NestedFits(rest, self.held[view], self.pool.shared)
         return self._blocks[view]
 
-    def beyond(self, view: int, keep: IntArray) -> float:
-        """Return the squared residuals of the fastest rows, see :func:`beyond`, with one of the delays."""
-        return beyond(self.wholes[view], self.fast[view], keep, self.pool.shared)
-
 
 @dataclass(frozen=True)
 class HeldOut:
@@ -113,7 +109,8 @@ class HeldOut:
         rows, count = np.maximum(weighed.rows, 1), max(int(weighed.pool.fast_rows.sum()), 1)
         found = [weighed.blocks(view).losses(keep) / rows for _, view, keep in self._best]
         if fastest:
-            last = [weighed.beyond(view, keep) / count for _, view, keep in self._best]
+            sides = [(weighed.wholes[view], weighed.fast[view], keep) for _, view, keep in self._best]
+            last = [beyond(*each, weighed.pool.shared) / count for each in sides]
             found = [np.append(each, own) for each, own in zip(found, last, strict=True)]
         return [np.log(np.maximum(each, TINY)) for each in found]
 

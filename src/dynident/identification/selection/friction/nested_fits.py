@@ -77,12 +77,6 @@ def fit(products: Array, keep: IntArray) -> Array:
     return np.linalg.lstsq(gram, right)[0] if found is None else found / scale
 
 
-def loss(products: Array, keep: IntArray, beta: Array) -> float:
-    """Return the sum of squared residuals of coefficients of the columns ``keep``, from inner products."""
-    gram, right = products[np.ix_(keep, keep)], products[keep, -1]
-    return float(beta @ gram @ beta - 2.0 * beta @ right + products[-1, -1])
-
-
 def beyond(whole: Array, fast: Array, keep: IntArray, shared: int) -> float:
     """Return the sum of squared residuals of the fastest rows, by friction that is fitted to all the others.
 
@@ -95,4 +89,5 @@ def beyond(whole: Array, fast: Array, keep: IntArray, shared: int) -> float:
         left = slow.copy()
         left[:, -1] -= slow[:, keep[:shared]] @ beta[:shared]
         beta[shared:] = fit(left, friction)
-    return loss(fast, keep, beta)
+    mixed, every = np.append(beta, -1.0), np.append(keep, -1)
+    return float(mixed @ fast[np.ix_(every, every)] @ mixed)
