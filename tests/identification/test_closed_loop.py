@@ -109,7 +109,7 @@ def test_sensitivities_are_those_of_the_discrete_simulation(cell, options):
 @pytest.mark.parametrize("cost", [np.inf, 0.0], ids=["explicit", "implicit"])
 def test_sensitivities_are_exact_with_every_friction_of_the_motion(planar_2r, cost, monkeypatch):
     """Signs of two levels, friction that fades or bends over speed, and torque that repeats with position."""
-    parts = (Asymmetric(0.1), Degressive(width=0.1), Stribeck(0.3, width=0.1), Periodic(2.0))
+    parts = (Asymmetric(0.1), Degressive(width=0.1), Stribeck(0.3, width=0.1), Periodic(11.0))
     model = DynamicModel(planar_2r, parts)
     theta = np.append(planar_2r.nominal, np.tile(np.linspace(0.3, 0.8, 8), 2))
     controller = Pd(rate=500.0, stiffness=KP, damping=KD, feedforward="none")

@@ -125,7 +125,7 @@ def _within_logs(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel
             beyond the motion.
     """
     _check_cycles(model, logs)
-    finest, longest = _resolution(model, logs), max(len(log.time) / log.rate for log in logs)
+    finest, longest = _resolution(model, logs), max(float(log.time[-1] - log.time[0]) for log in logs)
     parts: list[Friction] = []
     for part in model.friction:
         least, left_open = finest_of(model, part, finest), (*(part.choose or ()), *(part.vary or ()))
