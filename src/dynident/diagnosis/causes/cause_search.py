@@ -189,7 +189,7 @@ class CauseSearch:
             use, size = self.used(chosen), len(self._places[chosen[-1]])
             residuals[k, use], residuals[k, -1] = -after.beta, 1.0
             left = np.zeros((size, total + 1))  # of the last columns once all others have explained them
-            left[:, use[:-size]] = np.linalg.solve(after.covariance[-size:, -size:], after.covariance[-size:, :-size])
+            left[:, use[:-size]] = after.last_of_others(size)
             left[:, use[-size:]] = np.eye(size)
             own.append(left)
         mixed, ends = np.concatenate([residuals, *own]), np.cumsum([0, *map(len, own)])

@@ -107,10 +107,16 @@ class NominalBodies(KnownBodies):
     single: Array
 
     def information(self, shares: Array) -> Array:
-        scale = np.diag(self.factor)
-        covariance = shares[0] ** 2 * self.whole @ self.whole.T + shares[1] ** 2 * self.single
-        covariance = covariance * np.outer(scale, scale)
-        return np.linalg.inv(covariance + SMALLEST**2 * np.diag(np.diag(covariance))) * np.outer(scale, scale)
+        common, single, scales = self._scaled
+        covariance = shares[0] ** 2 * common + shares[1] ** 2 * single
+        covariance.flat[:: len(covariance) + 1] *= 1.0 + SMALLEST**2
+        return np.linalg.inv(covariance) * scales
+
+    @cached_property
+    def _scaled(self) -> tuple[Array, Array, Array]:
+        """Covariances for relative errors of one, of links and of single parameters, in ``scales``, and these."""
+        scales = np.outer(np.diag(self.factor), np.diag(self.factor))
+        return self.whole @ self.whole.T * scales, self.single * scales, scales
 
     def likelier(self, shares: Array, information: Array, off: Array, left: Array) -> Array:
         """Return a step to the largest marginal likelihood (MacKay 1992, by components of the variance).

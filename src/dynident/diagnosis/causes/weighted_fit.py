@@ -118,6 +118,14 @@ class Solved:
         scales = np.outer(sizes, sizes)
         return np.linalg.inv(self.information / scales) / scales
 
+    def last_of_others(self, count: int) -> Array:
+        """Return the ``count`` last columns by least squares of the others, negative, shape (count, b - count)."""
+        others = len(self.information) - count
+        found = solve_positive(self.information[:others, :others], self.information[:others, others:])
+        if found is None:
+            found = np.linalg.solve(self.information[:others, :others], self.information[:others, others:])
+        return -found.T
+
 
 def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:
     """Return the fit in which each joint's rows weigh by their own residual variance.
@@ -158,12 +166,12 @@ def _weighted(grams: Array, sides: Array, squares: Array, counts: Array, floors:
     beta, gram = np.zeros((many, size)), np.zeros((many, size, size))
     for _ in range(PASSES):
         weights = 1.0 / variances
-        gram = (weights @ flat if flat.ndim == 2 else (weights[:, None] @ flat)[:, 0]).reshape(many, size, size)
-        diagonal = np.einsum("mkk->mk", gram)  # a view
+        sums = weights @ flat if flat.ndim == 2 else (weights[:, None] @ flat)[:, 0]
+        gram, diagonal = sums.reshape(many, size, size), sums[:, :: size + 1]  # views
         diagonal += RIDGE * np.maximum(diagonal, 1e-300 + diagonal.max(axis=1, initial=0.0, keepdims=True))
         beta = _solved(gram, (weights[:, None] @ sides)[:, 0])
         turned = grams @ beta.T if flat.ndim == 2 else (grams @ beta[:, None, :, None])[..., 0].transpose(1, 2, 0)
-        left = squares - 2 * (sides @ beta[:, :, None])[..., 0] + np.einsum("ikm,mk->mi", turned, beta)
+        left = squares - 2 * (sides @ beta[:, :, None])[..., 0] + (turned * beta.T).sum(axis=1).T
         variances = np.maximum(left, 0.0) / counts + floors
     return beta / scale, variances, gram * square
 
