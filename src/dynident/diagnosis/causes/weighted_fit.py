@@ -19,7 +19,7 @@ from dynident.model.reduction import triangle_of
 #: Passes of weighting.
 PASSES = 6
 
-#: Pull to zero, as a share of the strongest column: directions that no row tells stay at zero.
+#: Pull to zero, as a share of the weighted squares of each column: directions that no row tells stay at zero.
 RIDGE = 1e-11
 
 #: A residual below this share of the joint's torque is none.
@@ -168,7 +168,8 @@ def _weighted(grams: Array, sides: Array, squares: Array, counts: Array, floors:
         weights = 1.0 / variances
         sums = weights @ flat if flat.ndim == 2 else (weights[:, None] @ flat)[:, 0]
         gram, diagonal = sums.reshape(many, size, size), sums[:, :: size + 1]  # views
-        diagonal += RIDGE * np.maximum(diagonal, 1e-300 + diagonal.max(axis=1, initial=0.0, keepdims=True))
+        strongest = 1e-300 + diagonal.max(axis=1, initial=0.0, keepdims=True)
+        diagonal += RIDGE * np.where(diagonal > 0.0, diagonal, strongest)
         beta = _solved(gram, (weights[:, None] @ sides)[:, 0])
         turned = grams @ beta.T if flat.ndim == 2 else (grams @ beta[:, None, :, None])[..., 0].transpose(1, 2, 0)
         left = squares - 2 * (sides @ beta[:, :, None])[..., 0] + (turned * beta.T).sum(axis=1).T
