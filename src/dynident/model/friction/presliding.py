@@ -64,8 +64,8 @@ class Presliding(Friction):
         return self._along(motion, np.zeros(motion.q.shape[1]) if first is None else first[:, 0])[..., None]
 
     def is_unsettled(self, motion: Motion) -> BoolArray:
-        end = np.full(motion.q.shape[1], self.length)
-        apart = self._along(motion, end) - self._along(motion, -end) > 1e-9 * self.length
+        moved = np.maximum.accumulate(motion.q) - np.minimum.accumulate(motion.q)  # from either end it slips meanwhile
+        apart = 2.0 * self.length - moved > 1e-9 * self.length
         return apart & ~apart[-1]  # a drive that never moves so far tells nothing apart: its rows stay
 
     def _along(self, motion: Motion, first: Array) -> Array:
@@ -74,11 +74,12 @@ class Presliding(Friction):
         Between two reversals it follows the position to the end of the spring: only these have to be gone through.
         """
         length, found = self.length, np.empty(motion.q.shape)
+        bounded = lambda z, way: length if z + way > length else -length if z + way < -length else z + way  # noqa: E731
         for drive, (q, start) in enumerate(zip(motion.q.T, first.tolist(), strict=True)):
             turns = np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1
             starts = np.concatenate([[0], turns])
             ways = np.diff(q[starts]).tolist()
-            bent = list(accumulate(ways, lambda z, way: min(max(z + way, -length), length), initial=start))
+            bent = list(accumulate(ways, bounded, initial=start))
             samples = np.diff(starts, append=len(q))
             found[:, drive] = np.clip(np.repeat(bent, samples) + (q - np.repeat(q[starts], samples)), -length, length)
         return found
