@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -243,8 +243,8 @@ class CauseSearch:
         falls = dict(zip(rest, alone.tolist(), strict=True))
         rows = float(np.log(self.rows.counts.sum() / self.rows.oversampling))
         merits = {k: self.causes[k].likelier * (own - len(self._places[k]) * rows) for k, own in falls.items()}
-        likely = [k for k, own in falls.items() if self._may_be_sure(own, len(self.causes), k)]
-        return sorted(likely, key=lambda k: -merits[k])[:FITTED]
+        best = sorted(rest, key=lambda k: -merits[k])
+        return list(islice((k for k in best if self._may_be_sure(falls[k], len(self.causes), k)), FITTED))
 
     def _may_be_sure(self, ratio: float, tried: int, k: int) -> bool:
         """Return whether a cause may be sure in a fit of its own; twice its straight line is beyond the logarithm."""
