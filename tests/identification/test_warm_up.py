@@ -49,10 +49,11 @@ def warm_up_of(found: Estimate) -> WarmUp | None:
 def test_the_state_is_that_of_its_own_update_and_of_the_closed_form(exact_motion: MakeMotion) -> None:
     part, motion = WarmUp(0.5, crossover=0.7), exact_motion(3, np.arange(9000) / 50.0)  # two pieces of the sum
     np.testing.assert_allclose(part.states_along(motion, 0.02), Friction.states_along(part, motion, 0.02), rtol=1e-12)
-    steady = np.full((200, 1), -0.4)
-    found = part.states_along(Motion(steady, steady, steady), 0.02)[:, 0, 0]
-    expected = (0.4 + 0.4**2 / 0.7) * -np.expm1(-np.arange(200) * 0.02 / 0.5)
-    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)
+    time = np.arange(200)[:, None] * 0.02
+    steady = Motion(-0.4 * time, np.full_like(time, -0.4), np.zeros_like(time))
+    # a step in its middle: off by (step / time constant)^2 / 24
+    expected = (0.4 + 0.4**2 / 0.7) * -np.expm1(-time[:, 0] / 0.5)
+    np.testing.assert_allclose(part.states_along(steady, 0.02)[:, 0, 0], expected, rtol=1e-4)
 
 
 def test_the_logs_find_it(planar_2r: Robot, exact_motion: MakeMotion) -> None:

@@ -239,7 +239,7 @@ class Creeping(Presliding):
     """Springs that relax, in a time."""
 
     def update(self, at: Inputs) -> tuple[Number, ...]:
-        return tuple(z - at.step * z for z in super().update(at))  # type: ignore[operator]
+        return tuple(z - at.dq * z for z in super().update(at))  # type: ignore[operator]
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_a_state_that_needs_more_than_positions_is_refused(
     subject = bare(pendulum, (Creeping(), "viscous"))  # type: ignore[arg-type]
     with pytest.raises(
         BadOption,
-        match=rf"depends on step.*{told} keeps states of positions alone; identify without it, or export to json",
+        match=rf"depends on dq.*{told} keeps states of positions and the time; identify without it, or export to json",
     ):
         export_model(subject, target, tmp_path / "arm")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import pairwise
@@ -20,11 +20,11 @@ from dynident.exports.models.writing.casadi_text import casadi_text
 from dynident.exports.names_in_files import module_notes
 
 
-def _states_along(space: Mapping[str, Any], start: Array, q: Array) -> Array:
+def _states_along(space: Mapping[str, Any], start: Array, q: Array, time: Sequence[float]) -> Array:
     """Return the states of friction that the module finds along positions (N, n), a row a sample."""
     found = [start]
     for before, here in pairwise(q):
-        found.append(np.array(space["_next_state"](np, found[-1], before, here)))
+        found.append(np.array(space["_next_state"](np, found[-1], before, here, *time)))
     return np.array(found)
 
 
@@ -53,7 +53,8 @@ class Casadi(ModelExporter):
         expected = subject.model.torque(motion, subject.theta)
         rows = [values.T for values in (motion.q, motion.dq, motion.ddq, *heated)]
         if motion.state is not None:
-            rows.append(_states_along(space, motion.state[0].ravel(), motion.q).T)
+            time = [] if states.step is None else [states.step]
+            rows.append(_states_along(space, motion.state[0].ravel(), motion.q, time).T)
         found = np.stack(np.broadcast_arrays(*space["_inverse_dynamics"](np, *rows)), axis=1)
         yield Reloaded(f"NumPy {np.__version__}", "formulas of inverse dynamics", found, expected)
         if find_spec("casadi") is None:

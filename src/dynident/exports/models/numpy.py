@@ -13,7 +13,7 @@ from dynident.arrays import Array, IntArray
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import StateSet, states_of
+from dynident.exports.models.subject.states import PACE, StateSet, states_of, takes_time
 from dynident.exports.models.writing.c_friction import drive_terms, state_updates
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.exports.models.writing.numpy_template import MEMORY, SOURCE
@@ -91,7 +91,8 @@ class Numpy(ModelExporter):
         exec(compile(path.read_bytes(), str(path.name), "exec"), space)  # what was just written, names as literals
         motion = states.motion
         more = [] if motion.temperature is None else [motion.temperature]
-        more += [] if motion.state is None else [space["states_along"](motion.q)]
+        step = [] if states.step is None else [states.step]
+        more += [] if motion.state is None else [space["states_along"](motion.q, *step)]
         found = space["inverse_dynamics"](motion.q, motion.dq, motion.ddq, *more)
         expected = subject.model.torque(motion, subject.theta)
         yield Reloaded(f"NumPy {np.__version__}", "everything", found, expected)
@@ -136,15 +137,18 @@ def _text(values: Array | IntArray) -> str:
 def _memory(subject: Identified) -> dict[str, str]:
     """Return what the module has of friction that remembers; all empty where none does."""
     states = state_updates(subject.model, _NUMPY)
+    dt = ", dt" if takes_time(subject.model) else ""
     lines = [f"            z{k} = self.state[:, {k}]" for k in range(len(states))]
     lines += [f"            self.state = np.stack([{', '.join(state.expression for state in states)}], axis=1)"]
     values = {
         "MEMORY": MEMORY,
-        "MEMORY_ABOUT": "    Memory(), states_along(q)     states of friction, shape (N, @JOINTS@, @STATES@)\n",
+        "MEMORY_ABOUT": f"    Memory(), states_along(q{dt})     states of friction, shape (N, @JOINTS@, @STATES@)\n",
         "STATE_ROWS": f"    state = np.asarray(state, dtype=float).reshape(-1, len(JOINTS), {len(states)})\n",
-        "WALKED": "    more_.append(states_along(q_))\n",
+        "WALKED": f"    more_.append(states_along(q_{', ' + repr(PACE) if dt else ''}))\n",
     }
     return {name: text if states else "" for name, text in values.items()} | {
+        "DT": dt,
+        "LATER": " dt s later" if dt else "",
         "STARTS": repr([state.start for state in states]),
         "STATES": str(len(states)),
         "UPDATES": "\n".join(lines),

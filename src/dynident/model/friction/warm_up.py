@@ -20,19 +20,20 @@ from dynident.model.friction.base import (
     State,
     check_positive,
     exponential,
+    larger,
     smooth_sign,
 )
 from dynident.plugins import bounded
 
-#: Time constants in a piece of :meth:`WarmUp.states_along`: exp of it is far from the largest number.
-PIECE = 200.0
+#: Time in s that a step counts as at least (exports are asked twice at one time); time constants in a piece of a sum.
+SHORTEST, PIECE = 1e-9, 200.0
 
 
 @dataclass(frozen=True)
 class WarmUp(Friction):
     """Change of Coulomb and viscous friction by the drive's own heat: (FcW tanh(dq / width) + FvW dq) w.
 
-    One thermal mass a drive, heated by what friction loses: time_constant w' = |dq| + dq^2 / crossover - w, the losses
+    One thermal mass a drive, heated by what friction loses: time_constant w' = |dq| + dq^2 / crossover - w, losses
     over the level of Coulomb friction (first order in temperature: Simoni, Beschi, Legnani and Visioli 2015). Stands
     beside ``coulomb`` and ``viscous``, which then hold at the start of each log, where w = 0. Warm grease is thin, so
     both are negative as a rule. Where samples have no history the drive is as at the start of a log.
@@ -73,19 +74,21 @@ class WarmUp(Friction):
         return at.state[0] * smooth_sign(at.dq, self.width), at.state[0] * at.dq
 
     def update(self, at: Inputs) -> tuple[Number, ...]:
-        losses = abs(at.dq) + at.dq * at.dq * (1.0 / self.crossover)
-        return (losses + (at.state[0] - losses) * exponential(at.step * (-1.0 / self.time_constant)),)
+        # from positions and the time alone, as exports have them: a step's losses come in its middle
+        half = exponential(at.step * (-0.5 / self.time_constant))
+        way = abs(at.moved)
+        lost = way + way * way / (larger(at.step, SHORTEST) * self.crossover)
+        return (half * (half * at.state[0] + lost * (1.0 / self.time_constant)),)
 
     def states_along(self, motion: Motion, step: float, first: Array | None = None) -> Array:
-        speed = np.abs(motion.dq)
-        losses = speed + speed**2 / self.crossover
-        keep = math.exp(-step / self.time_constant)
-        found = np.empty(speed.shape)
+        way, half = np.abs(np.diff(motion.q, axis=0, prepend=motion.q[:1])), math.exp(-0.5 * step / self.time_constant)
+        risen_by = half / self.time_constant * (way + way**2 / (max(step, SHORTEST) * self.crossover))
+        found = np.empty(way.shape)
         found[:1] = 0.0 if first is None else first[:, 0]
         size = max(int(PIECE * self.time_constant / step), 1)
         for start in range(1, len(found), size):  # the sum in closed form: all of it is positive, so nothing cancels
-            piece = losses[start : start + size]
-            decay = keep ** np.arange(1, len(piece) + 1)[:, None]
-            risen = np.cumsum(piece / decay, axis=0) * (1.0 - keep)
+            piece = risen_by[start : start + size]
+            decay = half ** (2.0 * np.arange(1, len(piece) + 1)[:, None])
+            risen = np.cumsum(piece / decay, axis=0)
             found[start : start + size] = decay * (found[start - 1] + risen)
         return found[..., None]

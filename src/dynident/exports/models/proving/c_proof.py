@@ -73,12 +73,14 @@ _REGRESSOR: Final = """        {
         }"""
 
 
-def _memory(prefix: str, remembers: bool) -> dict[str, str]:
+def _memory(prefix: str, remembers: bool, step: float | None) -> dict[str, str]:
     """Return how the program keeps what friction remembers, in double and in float; all empty where none does."""
+    dt = "" if step is None else f", {step!r}"
     values = {
         "BEGIN": f"    static {prefix}_memory memory;\n    static {prefix}_memoryf memoryf;\n"
         f"    {prefix}_memory_reset(&memory);\n    {prefix}_memory_resetf(&memoryf);\n",
-        "STEP": f"        {prefix}_memory_step(&memory, in[0]);\n        {prefix}_memory_stepf(&memoryf, inf_[0]);\n",
+        "STEP": f"        {prefix}_memory_step(&memory, in[0]{dt});\n"
+        f"        {prefix}_memory_stepf(&memoryf, inf_[0]{dt and f'{dt}f'});\n",
         "MEMORY": "&memory, ",
         "MEMORYF": "&memoryf, ",
     }
@@ -131,7 +133,7 @@ def run_header(
         "INPUTS": "4" if heated else "3",
         "TEMPF": "inf_[3], " if heated else "",
         "TEMP": "in[3], " if heated else "",
-        **_memory(prefix, motion.state is not None),
+        **_memory(prefix, motion.state is not None, states.step),
     }
     for name, value in values.items():
         text = text.replace(f"@{name}@", value)

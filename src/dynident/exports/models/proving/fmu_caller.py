@@ -64,6 +64,8 @@ class Unit:
             self.call("fmi3DoStep", *passed, ctypes.byref(_DOUBLE()))
             self.now += 0.001
         else:
+            self.call("fmi3SetTime", _DOUBLE(self.now))
+            self.now += 0.001
             self.call("fmi3CompletedIntegratorStep", _BOOL(True), *(ctypes.byref(_BOOL()) for _ in range(2)))
         self.call("fmi3GetFloat64", outputs, ctypes.c_size_t(len(outputs)), found, ctypes.c_size_t(len(found)))
 

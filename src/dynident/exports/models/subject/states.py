@@ -29,11 +29,13 @@ class StateSet:
         gravity: In the base frame, shape (3,), in m/s^2.
         follows: By joint of a file: column among the n (-1: locked), multiplier and offset of q = multiplier
             q[column] + offset.
+        step: Time from sample to sample in s, where a state of friction depends on it; else None.
     """
 
     motion: Motion
     gravity: Array
     follows: Mapping[str, tuple[int, float, float]]
+    step: float | None = None
 
     def of(self, joints: Sequence[str]) -> tuple[Array, Array, Array]:
         """Return q, dq, ddq of the joints of a file, each (N, m).
@@ -61,6 +63,11 @@ class StateSet:
         return turn, shift
 
 
+def takes_time(model: DynamicModel) -> bool:
+    """Return whether a state of its friction depends on the time from sample to sample."""
+    return any("step" in program.arrays for part in model.friction for program in part.expression.updates)
+
+
 def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) -> StateSet:
     """Return the states of a proof; ``locked`` are joints of the file that the model has fixed, with positions."""
     column = {name: i for i, name in enumerate(model.robot.joint_names)}
@@ -76,7 +83,7 @@ def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) ->
     q = _walk(model, motion.q) if any(part.lags for part in model.friction) else motion.q
     # Friction that depends on the load takes the model's own torque, not a drawn one.
     motion = model.with_states(Motion(q, motion.dq, motion.ddq, None, motion.temperature), PACE)
-    return StateSet(motion, model.robot.gravity, follows)
+    return StateSet(motion, model.robot.gravity, follows, PACE if takes_time(model) else None)
 
 
 def _walk(model: DynamicModel, q: Array) -> Array:

@@ -16,8 +16,8 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction
 
 #: Names of the inputs of an expression: motion and temperature of the motor, its torque without friction, and how far
-#: it has moved since the last sample. States are z0, z1 and so on in the order of all parts.
-INPUTS: Final = {"q": "x", "dq": "v", "ddq": "a", "load": "load", "temperature": "warm", "moved": "moved"}
+#: it has moved since the last sample and for how long. States are z0, z1 and so on in the order of all parts.
+INPUTS: Final = {"q": "x", "dq": "v", "ddq": "a", "load": "load", "temperature": "warm", "moved": "moved", "step": "dt"}
 
 
 def c_dialect(upper: str) -> Dialect:
@@ -73,14 +73,14 @@ def state_updates(model: DynamicModel, spelt: Dialect) -> tuple[StateUpdate, ...
         spelt: The language.
 
     Raises:
-        BadOption: A state that depends on more than the positions on the way to a sample.
+        BadOption: A state that depends on more than the positions on the way to a sample and the time.
     """
     found: list[StateUpdate] = []
     for part in model.friction:
         names, programs = _names(model, part), part.expression.updates
-        if more := {array for program in programs for array in program.arrays} - {"state", "moved"}:
+        if more := {array for program in programs for array in program.arrays} - {"state", "moved", "step"}:
             evidence = f"{FRICTION.name_of(part)}, whose state depends on {', '.join(sorted(more))}"
-            step = f"{spelt.target} keeps states of positions alone; identify without it, or export to json"
+            step = f"{spelt.target} keeps states of positions and the time; identify without it, or export to json"
             raise BadOption("friction", evidence, step)
         texts = [spelt.expression(program, names) for program in programs]
         found += [StateUpdate(state.start, text) for state, text in zip(part.states, texts, strict=True)]

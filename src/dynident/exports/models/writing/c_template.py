@@ -85,7 +85,7 @@ static inline @UPPER@_REAL @UPPER@_F(sign_)(@UPPER@_REAL v, @UPPER@_REAL width, 
 
 #: What friction remembers, where it does: the type, which stands before that of the observer, and its functions.
 MEMORY_TYPE: Final = """/* What friction remembers of the way to a sample. Begin with @LOWER@_memory_reset, then give
- * @LOWER@_memory_step the positions in the order of time, before the functions that take it. It needs no time. */
+ * @LOWER@_memory_step the positions in the order of time, before the functions that take it. @TIME@ */
 typedef struct {
     @UPPER@_REAL state[@JOINTS@ * @STATES_OF_DRIVE@];
     @UPPER@_REAL motor[@JOINTS@];
@@ -108,7 +108,7 @@ static inline void @UPPER@_F(memory_reset)(@UPPER@_F(memory) *memory)
 }
 
 /* Move on to the positions of the next sample; the first step begins there. */
-static inline void @UPPER@_F(memory_step)(@UPPER@_F(memory) *memory, @IN@q)
+static inline void @UPPER@_F(memory_step)(@UPPER@_F(memory) *memory, @IN@q@DT_IN@)
 {
     @UPPER@_REAL motor[@JOINTS@];
     int i;

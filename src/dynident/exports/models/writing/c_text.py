@@ -15,7 +15,7 @@ from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.exports.models.subject.drives import drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import states_of
+from dynident.exports.models.subject.states import PACE, states_of, takes_time
 from dynident.exports.models.writing.c_friction import (
     DriveTerm,
     c_dialect,
@@ -132,7 +132,8 @@ def _friction_values(subject: Identified, terms: Sequence[DriveTerm], spelt: Dia
 def _memory(subject: Identified, spelt: Dialect, upper: str) -> dict[str, str]:
     """Return what the header has of friction that remembers; all empty where none does."""
     states, coupling = state_updates(subject.model, spelt), np.asarray(subject.model.robot.coupling)
-    size, indent = len(states), " " * 12
+    size, indent, timed = len(states), " " * 12, takes_time(subject.model)
+    given = f", {upper}_C({PACE!r})" if timed else ""
     lines = [f"const {upper}_REAL z{k} = memory->state[{size} * i + {k}];" for k in range(size)]
     lines += [f"memory->state[{size} * i + {k}] = {state.expression};" for k, state in enumerate(states)]
     begin = f"\n    {upper}_F(memory) memory;\n    {upper}_F(memory_reset)(&memory);"
@@ -142,14 +143,16 @@ def _memory(subject: Identified, spelt: Dialect, upper: str) -> dict[str, str]:
         "MEMORY": "memory, ",
         "MEMORY_ZERO": "&memory, ",
         "MEMORY_BEGIN": begin,
-        "MEMORY_STEP": f"        {upper}_F(memory_step)(&memory, in[0]);\n",
+        "MEMORY_STEP": f"        {upper}_F(memory_step)(&memory, in[0]{given});\n",
         "MEMORY_VOID": "\n    (void)memory;",
         "OBSERVER_FIELD": f"\n    {upper}_F(memory) memory;",
         "OBSERVER_BEGIN": f"\n    {upper}_F(memory_reset)(&observer->memory);",
-        "OBSERVER_STEP": f"    {upper}_F(memory_step)(&observer->memory, q);\n",
+        "OBSERVER_STEP": f"    {upper}_F(memory_step)(&observer->memory, q{', dt' if timed else ''});\n",
         "OBSERVER_MEMORY": "&observer->memory, ",
     }
     return {name: text if states else "" for name, text in values.items()} | {
+        "TIME": "dt is the time since the step before, in s." if timed else "It needs no time.",
+        "DT_IN": f", {upper}_REAL dt" if timed else "",
         "STATES_OF_DRIVE": str(size),
         "STATE_STARTS": ", ".join(spelt.constant(state.start) for state in states),
         "MOTORS": "\n".join(f"    motor[{i}] = {combination(row, 'q', spelt)};" for i, row in enumerate(coupling)),

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.states import takes_time
 from dynident.exports.models.writing.c_friction import (
     StateUpdate,
     combination,
@@ -79,7 +80,7 @@ def _inverse_dynamics(m, q, dq, ddq@MORE@, scale=0.0):
 
     n, sym = len(JOINTS), symbol or m.SX.sym
     q, dq, ddq, tau = (sym(name, n) for name in ("q", "dq", "ddq", "tau"))
-    more = [@SYMBOLS@]
+@STEP_SYMBOL@    more = [@SYMBOLS@]
     words = [@WORDS@]
     col = lambda values: m.vertcat(*values)
     mass = m.reshape(col(_mass_matrix(m, q)), n, n)
@@ -101,13 +102,14 @@ _FORWARD: Final = """        m.Function("forward_dynamics", [q, dq, tau, *more],
                    ["q", "dq", "tau", *words], ["ddq"]),
 """
 
-_STATE_NOTE: Final = """    functions["next_state"](state, before, q)     states of friction at q, from those before
+_STATE_NOTE: Final = """    functions["next_state"](state, before, q@DT@)     states at q@LATER@, from those before
 
 state is a column of @STATES@ for each joint, at the first sample @STARTS@ for each.
 """
 
-_STATE_FUNCTION: Final = """        m.Function("next_state", [more[-1], dq, q], [col(_next_state(m, more[-1], dq, q))],
-                   ["state", "before", "q"], ["state_next"]),
+_STATE_FUNCTION: Final = """        m.Function("next_state", [more[-1], dq, q@STEP@],
+                   [col(_next_state(m, more[-1], dq, q@STEP@))],
+                   ["state", "before", "q"@DT_WORD@], ["state_next"]),
 """
 
 
@@ -119,6 +121,7 @@ def casadi_text(subject: Identified) -> str:
     """
     model = subject.model
     loaded, states = "torque" in model.needs, state_updates(model, _PYTHON)
+    timed = takes_time(model)
     more = {"temperature": "n"} if "temperature" in model.needs else {}
     more |= {"state": f"{len(states)} * n"} if states else {}
     programs = programs_of(model, subject.theta, None)
@@ -140,6 +143,11 @@ def casadi_text(subject: Identified) -> str:
         "STATE_NOTE": _STATE_NOTE if states else "",
         "STATE_FUNCTION": _STATE_FUNCTION if states else "",
         "NEXT_STATE": "\n".join([*_next_state_lines(subject, states), "", "", ""]) if states else "",
+        "DT_WORD": ', "dt"' if timed else "",
+        "STEP": ", step" if timed else "",
+        "STEP_SYMBOL": '    step = sym("dt")\n' if timed else "",
+        "DT": ", dt" if timed else "",
+        "LATER": " dt s later" if timed else "",
         "STATES": str(len(states)),
         "STARTS": ", ".join(repr(state.start) for state in states),
     }
@@ -175,7 +183,7 @@ def _python_function(program: TracedProgram, name: str, arrays: Sequence[str], w
 def _next_state_lines(subject: Identified, states: Sequence[StateUpdate]) -> Iterator[str]:
     """Yield the lines of the function that moves on what friction remembers."""
     size, coupling = len(states), np.asarray(subject.model.robot.coupling)
-    yield "def _next_state(m, state, before, q):"
+    yield f"def _next_state(m, state, before, q{', dt' if takes_time(subject.model) else ''}):"
     yield "    found = []"
     for drive, row in enumerate(coupling):
         yield f"    moved = {combination(row, 'q', _PYTHON)} - ({combination(row, 'before', _PYTHON)})"

@@ -329,7 +329,7 @@ STATUS(fmi3EnterContinuousTimeMode)(fmi3Instance instance)
 
 STATUS(fmi3CompletedIntegratorStep)(fmi3Instance instance, fmi3Boolean final, fmi3Boolean *event, fmi3Boolean *ended)
 {
-    (void)final;
+@UNIT@    (void)final;
     *event = *ended = false;
 @KEPT@    return moved(instance, CONTINUOUS, CONTINUOUS);
 }

@@ -16,6 +16,7 @@ from xml.sax.saxutils import quoteattr
 
 from dynident.exports.c_compiler import Compiler, build_library
 from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.states import takes_time
 from dynident.exports.models.writing.c_text import header_text
 from dynident.exports.models.writing.fmu_lacking import lacking_functions
 from dynident.exports.models.writing.fmu_template import LIFE, TYPES
@@ -148,7 +149,7 @@ def _source(subject: Identified, prefix: str, variables: tuple[Variable, ...]) -
         "STARTS": "".join(f"    unit->value[{k}] = {ROOM!r};\n" for k in warm),
         "TEMPERATURE": "    const double *temperature = ddq + N;\n" if warm else "",
         "TEMP": "temperature, " if warm else "",
-        **_memory(prefix, "state" in subject.model.needs),
+        **_memory(prefix, "state" in subject.model.needs, takes_time(subject.model)),
     }
     text = TYPES + LIFE + lacking_functions() + "\n"
     for name, value in values.items():
@@ -156,25 +157,31 @@ def _source(subject: Identified, prefix: str, variables: tuple[Variable, ...]) -
     return text
 
 
-def _memory(prefix: str, remembers: bool) -> dict[str, str]:
+def _memory(prefix: str, remembers: bool, timed: bool) -> dict[str, str]:
     """Return what the source has of friction that remembers; all empty where none does.
 
     What is remembered moves on with each step that the simulator takes for good; torques between two steps follow from
     it and the positions alone. It begins at the positions of the initialization, where these were set there.
     """
     step, given = f"{prefix}_memory_step", "unit->mode & (BORN | INITIALIZATION)"
+    since = ", unit->value[0] - unit->since" if timed else ""
+    kept = f"{step}(&unit->memory, unit->value + 1{since});\n" + "    unit->since = unit->value[0];\n" * timed
     values = {
         "WAY": ", and what friction\n * remembers from the way of q",
-        "MEMORY_FIELD": f"    {prefix}_memory memory;\n    bool placed;\n",
-        "MEMORY_RESET": f"    {prefix}_memory_reset(&unit->memory);\n    unit->placed = false;\n",
+        "MEMORY_FIELD": f"    {prefix}_memory memory;\n    bool placed;\n" + "    double since;\n" * timed,
+        "MEMORY_RESET": f"    {prefix}_memory_reset(&unit->memory);\n    unit->placed = false;\n"
+        + "    unit->since = 0.0;\n" * timed,
         "MEMORY_HERE": f"    {prefix}_memory memory = unit->memory;\n",
-        "MEMORY_MOVE": f"    {step}(&memory, q);\n",
+        "MEMORY_MOVE": f"    {step}(&memory, q{since});\n",
         "MEMORY": "&memory, ",
-        "MEMORY_BEGIN": f"    if (unit->placed) {{\n        {step}(&unit->memory, unit->value + 1);\n    }}\n",
-        "MEMORY_BACK": "    unit->memory = kept->memory;\n    unit->placed = kept->placed;\n",
+        "MEMORY_BEGIN": "    unit->since = unit->value[0];\n" * timed
+        + f"    if (unit->placed) {{\n        {step}(&unit->memory, unit->value + 1{since});\n    }}\n",
+        "MEMORY_BACK": "    unit->memory = kept->memory;\n    unit->placed = kept->placed;\n"
+        + "    unit->since = kept->since;\n" * timed,
         "PLACED": f"        unit->placed |= references[k] <= N && ({given});\n",
-        "KEPT": f"    {step}(&((Unit *)instance)->memory, ((Unit *)instance)->value + 1);\n",
-        "KEPT_BY_STEP": f"    {step}(&unit->memory, unit->value + 1);\n",
+        "UNIT": "    Unit *unit = instance;\n",
+        "KEPT": f"    {kept}",
+        "KEPT_BY_STEP": f"    {kept}",
     }
     return {name: text if remembers else "" for name, text in values.items()}
 

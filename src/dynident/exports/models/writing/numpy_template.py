@@ -14,8 +14,8 @@ MEMORY: Final = '''class Memory:
     def __init__(self):
         self.state, self.motor = np.tile(@STARTS@, (len(JOINTS), 1)), None
 
-    def step(self, q):
-        """Move on to the positions (@JOINTS@,) of the next sample and return the state there."""
+    def step(self, q@DT@):
+        """Move on to the positions (@JOINTS@,) of the next sample@LATER@ and return the state there."""
         motor = COUPLING @ np.asarray(q, dtype=float)
         if self.motor is not None:
             moved = motor - self.motor
@@ -24,10 +24,10 @@ MEMORY: Final = '''class Memory:
         return self.state
 
 
-def states_along(q):
-    """Return the states along positions (N, @JOINTS@) that follow each other, shape (N, @JOINTS@, @STATES@)."""
+def states_along(q@DT@):
+    """Return the states along positions (N, @JOINTS@) that follow each other@LATER@, (N, @JOINTS@, @STATES@)."""
     memory = Memory()
-    return np.array([memory.step(row) for row in q])
+    return np.array([memory.step(row@DT@) for row in q])
 
 
 '''

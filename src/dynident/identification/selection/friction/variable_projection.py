@@ -74,11 +74,6 @@ def fastest_of(model: DynamicModel, logs: Sequence[Prepared]) -> float:
     return max(float(np.max(np.abs(np.asarray(log.log.dq) @ coupling.T))) for log in logs)
 
 
-def longest_of(logs: Sequence[Prepared]) -> float:
-    """Return how long the longest log lasts, in s."""
-    return max(log.log.samples / log.log.rate for log in logs)
-
-
 def finest_of(model: DynamicModel, part: Friction, finest: Array | None) -> float:
     """Return the coarsest resolution of the positions (n,) of the drives of a part, in rad or m."""
     return 0.0 if finest is None else float(np.max(finest[list(model.drives_of(part))], initial=0.0))
@@ -92,7 +87,7 @@ def all_spans(
     Raises:
         BadOption: See :func:`spans_of`.
     """
-    fastest, longest = fastest_of(model, logs), longest_of(logs)
+    fastest, longest = fastest_of(model, logs), max(log.log.samples / log.log.rate for log in logs)
     return {
         (p, name): span
         for p, part in enumerate(model.friction)
@@ -122,7 +117,7 @@ def spans_of(
         span = part.ranges[name]
         high = min(span.high, max(fastest, 2 * span.low)) if span.is_speed else span.high
         high = min(high, longest) if span.is_duration else high
-        if high < 2 * span.low:
+        if high < 1.8 * span.low:  # of a log of twice that some is cut off at the ends
             step = f"it is looked for from {span.low:g} s on, in logs of at least twice that; this is {longest:.3g} s"
             raise BadOption(asked, name, f"{step}; log longer, or state a value")
         spans[name] = (min(max(span.low, finest), high) if span.is_distance else span.low, high)
