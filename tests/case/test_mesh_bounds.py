@@ -14,10 +14,10 @@ from dynident.case.constraints_file import read_constraints
 from dynident.case.link_volume import mesh_volume, volume_of
 from dynident.case.mesh_bounds import with_mesh_points
 from dynident.errors import DescriptionError, FileError
-from dynident.model.meshes import DIRECTIONS, outermost
 from dynident.model.plausible import link_points, plausible_constraints, shape_points
 from dynident.model.robot import Robot, rotation_about
 from dynident.model.shapes import Box, Capsule, Cylinder, Sphere
+from dynident.robot_files.meshes import DIRECTIONS, outermost
 
 SIZE = np.array([0.5, 0.14, 0.1])
 CENTRE = np.array([0.2, 0.0, 0.0])

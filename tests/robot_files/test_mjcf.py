@@ -15,10 +15,10 @@ from dynident.errors import DescriptionError
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.kernels import batched
-from dynident.model.meshes import mesh_triangles
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from dynident.robot_files import read_robot
+from dynident.robot_files.meshes import mesh_triangles
 
 mujoco = pytest.importorskip("mujoco")
 

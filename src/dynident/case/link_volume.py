@@ -11,9 +11,9 @@ from dynident.arrays import Array
 from dynident.case.mesh_bounds import check_unit
 from dynident.errors import BadOption, FileError
 from dynident.model.body_constraints import ValueRange
-from dynident.model.meshes import mesh_triangles, outermost
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from dynident.robot_files.meshes import mesh_triangles, outermost
 
 
 def mass_of_density(

@@ -11,11 +11,11 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import FileError, MissingDependency
-from dynident.model.meshes import mesh_points, outermost
 from dynident.model.plausible import extent_of, link_points
 from dynident.model.robot import Robot
 from dynident.model.shapes import Mesh
 from dynident.robot_files.mesh_files import mesh_places
+from dynident.robot_files.meshes import mesh_points, outermost
 
 #: Extent of a mesh over that of the frames of its link from which its unit is another: half way to 1000 in logarithms.
 WRONG_UNIT = float(np.sqrt(1000.0))

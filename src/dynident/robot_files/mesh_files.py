@@ -10,9 +10,9 @@ from pathlib import Path, PurePath
 from typing import Final
 
 from dynident.errors import FileError
-from dynident.model.meshes import mesh_file
 from dynident.model.robot import Robot
 from dynident.model.shapes import Mesh
+from dynident.robot_files.meshes import mesh_file
 from dynident.robot_files.ros_packages import package_folder, places_searched
 from dynident.robot_files.xacro import split_arguments
 

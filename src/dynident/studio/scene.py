@@ -16,9 +16,9 @@ from dynident.excitation.collision.covering import covering_capsules
 from dynident.excitation.collision.robot_capsules import robot_capsules
 from dynident.excitation.collision.workspace import Workspace
 from dynident.model.inertia import Inertia
-from dynident.model.meshes import mesh_file, mesh_triangles
 from dynident.model.robot import Joint, Robot
 from dynident.model.shapes import Capsule, Mesh, Shape
+from dynident.robot_files.meshes import mesh_file, mesh_triangles
 from dynident.studio.folder import safe_name
 
 #: Largest mesh that is drawn.

@@ -10,9 +10,9 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, FileError
 from dynident.excitation.collision.covering import covering_capsules
 from dynident.excitation.collision.workspace import Workspace, frame_of, link_names
-from dynident.model.meshes import mesh_file, mesh_points
 from dynident.model.robot import Robot
 from dynident.model.shapes import Capsule, Mesh, Shape
+from dynident.robot_files.meshes import mesh_file, mesh_points
 
 
 def robot_capsules(robot: Robot, workspace: Workspace) -> tuple[tuple[Capsule, ...], ...]:

@@ -13,9 +13,9 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError, DynidentError, FileError, nearest
 from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
-from dynident.model.meshes import mesh_triangles
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from dynident.robot_files.mesh_files import folders_above
+from dynident.robot_files.meshes import mesh_triangles
 from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.mesh_bodies import MeshKind, hull_of, mesh_body

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from dynident.errors import FileError, MissingDependency
-from dynident.model import meshes
-from dynident.model.meshes import mesh_file, mesh_points
 from dynident.model.shapes import Box, Mesh
+from dynident.robot_files import meshes
+from dynident.robot_files.meshes import mesh_file, mesh_points
 
 CORNERS = Box(np.array([0.5, 0.25, 1.0])).corners  # exact in 32 bits
 FACES = [(0, 1, 2), (2, 1, 3), (4, 5, 6), (6, 5, 7), (0, 4, 1), (2, 3, 6)]
