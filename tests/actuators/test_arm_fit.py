@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,16 +10,59 @@ import pytest
 
 pytest.importorskip("pinocchio", reason="the virtual arms need Pinocchio")
 
-from benchmarks.servo_arms import VirtualArm, arm_logs, drawn_arm
+from benchmarks.servo_arms import VirtualArm, arm_log, arm_logs, drawn_arm
+from servo_bench import parameters, virtual_logs
 
+from dynident.actuators import arm_fit
+from dynident.actuators.arm_fit import arm_loads, beyond_noise
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import ActuatorEstimate
 from dynident.actuators.followed_log import followed
 from dynident.actuators.identify import identify_actuators
+from dynident.actuators.joint_load import divided, measured_loads
 from dynident.actuators.parameters import PLACE
+from dynident.actuators.rollout import record_of, rolled_out
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
+from dynident.model.robot import Robot
+from dynident.results.actuator_report import errors_table, mean_lines
 
 LAW = preset("feetech_sts3215")
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-3], ids=["steps", "noise"])
+def test_what_an_encoder_does_not_see_is_no_motion(robot: Robot, noise: float) -> None:
+    """Errors of an encoder beside a right roll-out are left out, those of a model that lacks something are kept."""
+    log = virtual_logs(robot, parameters(), gains=(2.0,))[0]
+    record = record_of(log, 0, measured_loads(robot, log)[0], LAW)
+    step, exact = 2 * np.pi / 4096, rolled_out(record, parameters()).q
+    seen = exact + np.random.default_rng(0).normal(0.0, noise, exact.shape)
+    record = replace(record, q=np.round(seen / step) * step)
+    left = record.q - exact
+    assert np.abs(beyond_noise(left, record)).max() < 0.15 * np.abs(left).max()
+    lacks = left + 0.02 * np.sin(3.0 * log.time)
+    np.testing.assert_allclose(beyond_noise(lacks, record), lacks, rtol=0.03)
+
+
+def test_parts_of_the_load_are_equal_and_no_longer_than_the_step() -> None:
+    ends = divided(np.array([0.0, 0.01, 0.0205, 0.03]), 3e-3)
+    np.testing.assert_allclose(ends[::4], [0.0, 0.01, 0.0205, 0.03])
+    assert len(ends) == 13 and np.ptp(np.diff(ends)[4:8]) < 1e-12
+    np.testing.assert_array_equal(divided(ends, 3e-3), ends)
+
+
+def test_a_whole_arm_let_go_moves_as_its_integrator_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chirps of six joints, then all drives off; no measured position but the first has a part in it."""
+    arm = drawn_arm(np.random.default_rng([11, 6, 2]), 6, LAW, tmp_path)
+    time, phase = np.arange(0.0, 1.5, 0.01), np.linspace(0.3, 0.4, 6)
+    command = 0.5 * np.sin(2 * np.pi * (phase + 0.15 * time[:, None]) * time[:, None])
+    log = arm_log(arm, time, command, 8.0, time < 1.0, counts=2**30)
+    blind = replace(log, q=np.repeat(log.q[:1], len(time), axis=0))
+    loads = arm_loads(arm.robot, blind, (LAW,) * 6, list(arm.true), is_free=True)
+    for joint, load in enumerate(loads):
+        q = rolled_out(record_of(blind, joint, load, LAW), arm.true[joint]).q
+        assert np.abs(q - log.q[:, joint]).max() < 3e-4  # of 1 rad
+    monkeypatch.setattr(arm_fit, "_MOST_SWEEPS", 2)  # where the roll-outs do not agree nothing is said
+    assert np.isnan(arm_loads(arm.robot, blind, (LAW,) * 6, list(arm.true), is_free=True)[0].bias).any()
 
 
 def answer(arm: VirtualArm, logs: list[ServoLog]) -> ActuatorEstimate:
@@ -51,8 +95,11 @@ def test_an_arm_logged_at_30_hz_has_no_bias_and_its_roll_outs_follow(tmp_path: P
     logs = arm_logs(arm, 30.0, (8.0,))
     found = answer(arm, logs)
     assert check(arm, found) >= 0.8
-    for one in followed(found, arm.robot, logs):
-        assert one.error < 1.5e-3, (one.joint, one.log, one.error)
+    runs = followed(found, arm.robot, logs)
+    for one in runs:
+        assert one.error < 1.5e-3 and one.whole < 5e-3, (one.joint, one.log, one.error, one.whole)
+    assert "whole arm" in [column.heading for column in errors_table(runs).columns]
+    assert "the whole arm let go" in mean_lines(runs)[1]
 
 
 @pytest.mark.battery

@@ -15,12 +15,15 @@ import numpy as np
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.joint_fit import JointData, JointFit, fit_again
 from dynident.actuators.joint_load import (
+    FINE_LOAD_STEP,
     ArmMotion,
     JointLoad,
     MeasuredMotion,
     between,
     bias_of,
     carrying,
+    divided,
+    inertias_of,
     joint_loads,
     load_times,
     measured_loads,
@@ -31,7 +34,7 @@ from dynident.actuators.output_error import log_errors, log_weights
 from dynident.actuators.parameters import PARAMETERS, PLACE
 from dynident.actuators.rollout import JointRecord, record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
-from dynident.actuators.verdict import Spread, spread_of
+from dynident.actuators.verdict import Spread, encoder_step, spread_of
 from dynident.arrays import Array
 from dynident.model.robot import Robot
 
@@ -48,8 +51,11 @@ LONGEST_STEP = 0.05
 #: Turns in a row with a larger error than the best one after which the best one stands.
 _WORSE = 3
 
-#: Passes over the joints in each turn.
-_SWEEPS = 2
+#: Passes over the joints in each turn, and where no turn follows.
+_SWEEPS, _ALL_SWEEPS = 2, 4
+
+#: Passes over the joints of an arm that is let go, at most, and the change of an angle in rad at which they agree.
+_MOST_SWEEPS, _AGREED = 100, 1e-5
 
 #: Evaluations of the output error of each joint in a turn, and with the step of the answer.
 _EVALUATIONS, _FINISH = 15, 6
@@ -108,7 +114,7 @@ def settled(arm: Arm, progress: Callable[[str], None], least: int = LEAST_TURNS,
     """
     best, error, worse = arm, np.inf, 0
     for turn in range(most if len(arm.fits) > 1 else 0):
-        spreads = [spread_of(fit.problem(data), fit.parameters) for data, fit in zip(arm.datas, arm.fits, strict=True)]
+        spreads = _spreads(arm)
         effects = _effects(arm, spreads)
         fits, agreed, wider = _agreed(arm, effects, spreads, _step(arm, effects))
         if turn >= least and _is_settled(arm, wider, agreed - arm.zeros):
@@ -123,8 +129,15 @@ def settled(arm: Arm, progress: Callable[[str], None], least: int = LEAST_TURNS,
     return best if worse else arm
 
 
-def turned(arm: Arm, fits: Sequence[JointFit], zeros: Array) -> Arm:
-    """Return an arm with the motion, the loads and the fits that follow from fits and zeros of the encoders (n,)."""
+def turned(arm: Arm, fits: Sequence[JointFit], zeros: Array, finely: bool = False) -> Arm:
+    """Return an arm with the motion, the loads and the fits that follow from fits and zeros of the encoders (n,).
+
+    Args:
+        arm: Before.
+        fits: Of each joint.
+        zeros: Of each joint, shape (n,), in rad.
+        finely: Whether the fits are by the step of the answer.
+    """
     parameters, motions = [fit.parameters for fit in fits], []
     for k, (robot, motion) in enumerate(zip(arm.robots, arm.motions, strict=True)):
         shifted = replace(motion, q=motion.q + zeros - arm.zeros)
@@ -132,7 +145,8 @@ def turned(arm: Arm, fits: Sequence[JointFit], zeros: Array) -> Arm:
         motions.append(relaxed(robot, records, parameters, arm.measured[k], shifted, arm.ends[k]))
     loads = [joint_loads(robot, motion) for robot, motion in zip(arm.robots, motions, strict=True)]
     datas = [data.under([load[joint] for load in loads]) for joint, data in enumerate(arm.datas)]
-    fits = [fit_again(data, fit, _EVALUATIONS) for data, fit in zip(datas, fits, strict=True)]
+    most = _FINISH if finely else _EVALUATIONS
+    fits = [fit_again(data, fit, most, finely) for data, fit in zip(datas, fits, strict=True)]
     return replace(arm, motions=motions, datas=datas, fits=fits, zeros=zeros)
 
 
@@ -141,12 +155,19 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     if len(arm.fits) == 1:
         return arm, [spread_of(arm.fits[0].problem(arm.datas[0]).finely, arm.fits[0].parameters)]
     progress("all joints with the step of the answer")
-    fits = [fit_again(data, fit, _FINISH, finely=True) for data, fit in zip(arm.datas, arm.fits, strict=True)]
-    spreads = [spread_of(fit.problem(data).finely, fit.parameters) for data, fit in zip(arm.datas, fits, strict=True)]
-    arm = replace(arm, fits=fits)
-    effects = _effects(arm, spreads)
+    effects = _effects(arm, _spreads(arm))
+    ends = [divided(one, FINE_LOAD_STEP) for one in arm.ends]
+    arm = replace(arm, ends=ends, motions=[motion_at(*pair) for pair in zip(arm.motions, ends, strict=True)])
+    arm = turned(arm, arm.fits, arm.zeros, finely=True)
+    pairs = zip(arm.datas, arm.fits, strict=True)
+    spreads = [spread_of(fit.problem(data).finely, fit.parameters) for data, fit in pairs]
     fits, _, wider = _agreed(arm, effects, spreads, _step(arm, effects))
     return replace(arm, fits=fits), wider
+
+
+def _spreads(arm: Arm) -> list[Spread]:
+    pairs = zip(arm.datas, arm.fits, strict=True)
+    return [spread_of(fit.problem(data), fit.parameters) for data, fit in pairs]
 
 
 def _is_settled(arm: Arm, spreads: Sequence[Spread], moves: Array) -> bool:
@@ -247,6 +268,8 @@ def relaxed(
     measured: MeasuredMotion,
     motion: ArmMotion,
     ends: Array,
+    sweeps: int = _SWEEPS,
+    is_free: bool = False,
 ) -> ArmMotion:
     """Return the motion of an arm in one log by the roll-outs of its joints, and what these leave, filtered.
 
@@ -260,37 +283,73 @@ def relaxed(
         measured: The measured motion, with its filter.
         motion: What is known of the motion so far.
         ends: Ends of the parts of the load, shape (K + 1,), in s.
+        sweeps: Passes over the joints.
+        is_free: Whether what the roll-outs leave of the positions is no part of the motion.
     """
     step = np.diff(ends)
     columns = [motion.q.copy(), motion.dq.copy(), motion.ddq.copy()]
-    for _ in range(_SWEEPS):
+    for _ in range(sweeps):
+        inertias = inertias_of(robot, ArmMotion(motion.time, *columns))
         for joint, (record, own) in enumerate(zip(records, parameters, strict=True)):
             bias = bias_of(robot, ArmMotion(motion.time, *columns), joint)
-            model = rolled_out(record.with_bias(bias).finely(ends), own)
+            load = JointLoad(motion.time, inertias[:, joint], bias)
+            model = rolled_out(record.under(load).finely(ends), own)
             if not np.isfinite(model.q).all():
                 continue
+            columns[0][:, joint] = 0.5 * (model.q[1:] + model.q[:-1]) + own[PLACE["angle_offset"]]
+            columns[1][:, joint], columns[2][:, joint] = np.diff(model.q) / step, np.diff(model.dq) / step
+            if is_free:
+                continue
             stamps = record.samples[record.used, 0]
-            left = (record.q - model.q[:: record.parts])[record.used, None]
+            rolled = model.q[:: len(step) // (len(record.q) - 1)]
+            left = beyond_noise(record.q - rolled, record)[record.used, None]
             rest = measured.filtered(between(stamps, left, np.clip(measured.time, stamps[0], stamps[-1])))[:, 0]
             speed = np.gradient(rest, measured.time)
             parts = (rest, speed, np.gradient(speed, measured.time))
-            more = [np.interp(motion.time, measured.time, part) for part in parts]
-            columns[0][:, joint] = 0.5 * (model.q[1:] + model.q[:-1]) + own[PLACE["angle_offset"]] + more[0]
-            columns[1][:, joint] = np.diff(model.q) / step + more[1]
-            columns[2][:, joint] = np.diff(model.dq) / step + more[2]
+            for column, part in zip(columns, parts, strict=True):
+                column[:, joint] += np.interp(motion.time, measured.time, part)
     return ArmMotion(motion.time, *columns)
 
 
-def arm_loads(robot: Robot, log: ServoLog, laws: Sequence[DriveLaw], parameters: Sequence[Array]) -> list[JointLoad]:
-    """Return the load of every joint in a log whose drives are known; the measured one of a single joint."""
+def beyond_noise(left: Array, record: JointRecord) -> Array:
+    """Return what a roll-out leaves of the positions, shape (N,), less the share that noise of the encoder explains.
+
+    A twelfth of the squared step, or the noise that second differences show where that is more: where the model says
+    all, its roll-out is the best that is known of the motion, and twice differentiated noise would be part of the load.
+    """
+    used = left[record.used]
+    noise = max(encoder_step([record]) ** 2 / 12.0, float(np.mean(np.diff(used, 2) ** 2)) / 6.0)
+    return left * max(0.0, 1.0 - noise / max(float(np.mean(used**2)), 1e-300))
+
+
+def arm_loads(
+    robot: Robot, log: ServoLog, laws: Sequence[DriveLaw], parameters: Sequence[Array], is_free: bool = False
+) -> list[JointLoad]:
+    """Return the load of every joint in a log whose drives are known; the measured one of a single joint.
+
+    Args:
+        robot: Of n joints.
+        log: The log.
+        laws: Drive law of each joint.
+        parameters: Of each joint, shape (COUNT,).
+        is_free: Whether the load is that of the whole arm let go: no joint is on its measured motion. It has no value
+            where the roll-outs of the joints do not come to agree.
+    """
     measured = measured_motion(log)
     loads = measured_loads(robot, log, measured)
     if robot.dof == 1:
         return loads
     records = [record_of(log, joint, loads[joint], law) for joint, law in enumerate(laws)]
-    ends = load_times(log, robot.dof)
+    ends = divided(load_times(log, robot.dof), FINE_LOAD_STEP) if is_free else load_times(log, robot.dof)
     motion = motion_at(measured, ends)
     for joint, own in enumerate(parameters):
         motion.q[:, joint] += own[PLACE["angle_offset"]]
     own = carrying(robot, log)
-    return joint_loads(own, relaxed(own, records, parameters, measured, motion, ends))
+    if not is_free:
+        return joint_loads(own, relaxed(own, records, parameters, measured, motion, ends, _ALL_SWEEPS))
+    for _ in range(_MOST_SWEEPS):
+        before, motion = motion, relaxed(own, records, parameters, measured, motion, ends, 1, is_free=True)
+        if np.abs(motion.q - before.q).max() < _AGREED:
+            return joint_loads(own, motion)
+    motion.q[:] = np.nan
+    return joint_loads(own, motion)

@@ -34,7 +34,8 @@ class FollowedJoint:
         command: Shape (N,), in rad.
         measured: Shape (N,), in rad.
         predicted: Shape (N,), in rad.
-        error: Mean absolute error, in rad.
+        error: Mean absolute error, in rad; the other joints on their measured motion.
+        whole: The same with the whole arm let go, all joints by their roll-outs; infinite where these do not agree.
         linear: The same of the linear start.
         nominal: The same with armature, damping and friction of the robot model; nan where it states none.
         load: Root mean square of the torque of the bodies, in N m.
@@ -52,6 +53,7 @@ class FollowedJoint:
     measured: Array
     predicted: Array
     error: float
+    whole: float
     linear: float
     nominal: float
     load: float
@@ -85,9 +87,10 @@ def followed(
     logs = check_gains(logs, estimate.joints[0].law.kp)
     laws, values = [joint.law for joint in estimate.joints], [joint.parameters for joint in estimate.joints]
     loads = [arm_loads(robot, log, laws, values) for log in logs]
+    free = [arm_loads(robot, log, laws, values, is_free=True) for log in logs] if robot.dof > 1 else loads
     for k, (actuator, joint) in enumerate(zip(estimate.joints, robot.active, strict=True)):
         nominal = _stated(actuator, joint)
-        for log, load in zip(logs, loads, strict=True):
+        for log, load, alone in zip(logs, loads, free, strict=True):
             held = (np.ptp(log.q_ref, axis=0) < _HELD) & log.enabled.all(axis=0)
             if held[k] and not held.all():
                 continue
@@ -106,6 +109,7 @@ def followed(
                     record.q,
                     predicted,
                     mean_error(record, predicted),
+                    mean_error(record, rolled_out(record.under(alone[k]), actuator.parameters).q),
                     mean_error(record, rolled_out(record, actuator.linear).q),
                     float("nan") if by_model is None else mean_error(record, by_model),
                     float(np.sqrt(np.mean(load[k].torque(log.time, record.q) ** 2))),

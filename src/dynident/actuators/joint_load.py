@@ -25,8 +25,9 @@ CUTOFF_HZ = 10.0
 #: on a curve between the samples: central differences over 5 ms are 0.2 % small at 3 Hz, over 33 ms 7 %.
 COARSE_STEP, GRID_STEP = 8e-3, 5e-3
 
-#: Longest part of the interval between two samples in s over which the load of an arm counts as constant.
-LOAD_STEP = 5e-3
+#: Longest part of the interval between two samples in s over which the load of an arm counts as constant: in the
+#: search, and in the answer.
+LOAD_STEP, FINE_LOAD_STEP = 5e-3, 1e-3
 
 
 @dataclass(frozen=True)
@@ -77,9 +78,14 @@ def load_times(log: ServoLog, joints: int) -> Array:
 
     A single joint has no load that changes in between.
     """
-    parts = 1 if joints == 1 else ceil(float(np.median(np.diff(log.time))) / LOAD_STEP - 1e-6)
-    inner = log.time[:-1, None] + np.diff(log.time)[:, None] * (np.arange(parts) / parts)
-    return np.append(inner, log.time[-1])
+    return log.time if joints == 1 else divided(log.time, LOAD_STEP)
+
+
+def divided(ends: Array, step: float) -> Array:
+    """Return the ends of equal parts of the intervals between some times (K + 1,), each no longer than a step."""
+    parts = ceil(float(np.median(np.diff(ends))) / step - 1e-6)
+    inner = ends[:-1, None] + np.diff(ends)[:, None] * (np.arange(parts) / parts)
+    return np.append(inner, ends[-1])
 
 
 @dataclass(frozen=True)
@@ -99,8 +105,8 @@ class ArmMotion:
     ddq: Array
 
 
-def motion_at(motion: MeasuredMotion, ends: Array) -> ArmMotion:
-    """Return the measured motion in the parts of the load between some times (K + 1,)."""
+def motion_at(motion: MeasuredMotion | ArmMotion, ends: Array) -> ArmMotion:
+    """Return a motion in the parts of the load between some times (K + 1,)."""
     time = 0.5 * (ends[1:] + ends[:-1])
     q, dq, ddq = (
         np.column_stack([np.interp(time, motion.time, column) for column in values.T])
@@ -174,8 +180,13 @@ def carrying(robot: Robot, log: ServoLog) -> Robot:
 
 def joint_loads(robot: Robot, motion: ArmMotion) -> list[JointLoad]:
     """Return the load of every joint; the order of the joints of the motion is that of the robot."""
-    masses = batched.mass_matrix(robot.chain, rigid_inertia(robot), motion.q)
-    return [JointLoad(motion.time, masses[:, j, j], bias_of(robot, motion, j)) for j in range(robot.dof)]
+    inertias = inertias_of(robot, motion)
+    return [JointLoad(motion.time, inertias[:, j], bias_of(robot, motion, j)) for j in range(robot.dof)]
+
+
+def inertias_of(robot: Robot, motion: ArmMotion) -> Array:
+    """Return the inertia about each joint with the others held, shape (K, n)."""
+    return np.diagonal(batched.mass_matrix(robot.chain, rigid_inertia(robot), motion.q), axis1=1, axis2=2)
 
 
 def bias_of(robot: Robot, motion: ArmMotion, joint: int) -> Array:

@@ -257,9 +257,11 @@ def _refined(
         if key not in at:
             at.clear()
             errors, slopes = problem.errors(problem.full(values, start))
-            error = np.concatenate([one * weight for one, weight in zip(errors, weights, strict=True)]) * total
-            slope = np.concatenate([one * weight for one, weight in zip(slopes, weights, strict=True)]) * total
-            at[key] = np.nan_to_num(error, nan=10.0, posinf=10.0, neginf=-10.0), np.nan_to_num(slope)
+            scales = np.repeat(weights, [len(error) for error in errors]) * total
+            error, slope = np.concatenate(errors) * scales, np.concatenate(slopes) * scales[:, None]
+            if not (np.isfinite(error).all() and np.isfinite(slope).all()):
+                error, slope = np.nan_to_num(error, nan=10.0, posinf=10.0, neginf=-10.0), np.nan_to_num(slope)
+            at[key] = error, slope
         return at[key]
 
     first = np.clip(start[problem.places], lower, upper)

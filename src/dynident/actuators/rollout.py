@@ -66,10 +66,6 @@ class JointRecord:
         """Return the record with another load."""
         return replace(self, loads=load.rows)
 
-    def with_bias(self, bias: Array) -> JointRecord:
-        """Return the record with another bias torque, shape ((N - 1) S, 3)."""
-        return replace(self, loads=np.column_stack([self.loads[:, 0], bias]))
-
     def finely(self, time: Array) -> JointRecord:
         """Return the record with a sample at each end of a part of the load, at the times (K + 1,) of these."""
         held = np.minimum(np.arange(len(time)) // self.parts, len(self.samples) - 1)

@@ -124,7 +124,7 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
         inverse = (vectors[:, good] / sizes[good]) @ vectors[:, good].T
         seen[free] = np.linalg.norm(vectors[:, ~good] * loose[~good], axis=1) <= 2.0 * WEAK
         meat = _squares(scores, free) * count / max(count - 1, 1)
-        meat += _encoder_step(problem.records) ** 2 / 12.0 * _squares(resting.values(), free)
+        meat += encoder_step(problem.records) ** 2 / 12.0 * _squares(resting.values(), free)
         covariance[np.ix_(free, free)] = inverse @ meat @ inverse
     return Spread(covariance * np.outer(scales, scales), bread, inner, seen, len(scores))
 
@@ -162,7 +162,7 @@ def _rests(q: Array) -> Array:
     return np.where(np.repeat(lengths, lengths) >= REST_SAMPLES, readings, np.nan)
 
 
-def _encoder_step(records: Sequence[JointRecord]) -> float:
+def encoder_step(records: Sequence[JointRecord]) -> float:
     """Return the median distance of neighbouring readings, in rad; of a joint that rests it is the encoder's step."""
     levels = np.unique(np.round(np.concatenate([record.q[record.used] for record in records]), 9))
     return float(np.median(np.diff(levels))) if len(levels) > 1 else 0.0

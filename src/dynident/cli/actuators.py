@@ -283,6 +283,7 @@ def _listed(runs: Sequence[FollowedJoint]) -> list[dict[str, object]]:
             "extrapolates": run.is_outside,
             "trained_on": run.is_trained,
             "error_rad": finite(run.error),
+            "whole_arm_error_rad": finite(run.whole),
             "linear_error_rad": finite(run.linear),
             "robot_model_error_rad": finite(run.nominal),
         }

@@ -25,16 +25,20 @@ MOST = 1500
 
 
 def errors_table(runs: Sequence[FollowedJoint]) -> Table:
-    """Return the mean absolute position error of each roll-out, beside those of linear start and robot model."""
+    """Return the mean absolute position error of each roll-out, beside those of linear start and robot model.
+
+    Of an arm also that of the roll-outs of all joints together.
+    """
     several = len({run.joint for run in runs}) > 1
     stated = any(np.isfinite(run.nominal) for run in runs)
     columns = [Column("log"), Column("kp", numeric=True), Column("identified", "mrad", numeric=True)]
-    columns += [Column("linear start", "mrad", numeric=True)]
+    columns += [Column("whole arm", "mrad", numeric=True)] * several + [Column("linear start", "mrad", numeric=True)]
     remarks = [", ".join(_remarks(run)) for run in runs]
     columns += [Column("robot model", "mrad", numeric=True)] * stated + [Column("remark")] * any(remarks)
     rows = []
     for run, remark in zip(runs, remarks, strict=True):
-        cells = [Path(run.log).name, f"{run.kp:g}", _mrad(run.error), _mrad(run.linear)]
+        cells = [Path(run.log).name, f"{run.kp:g}", _mrad(run.error)]
+        cells += [_mrad(run.whole)] * several + [_mrad(run.linear)]
         cells += [_mrad(run.nominal)] * stated + [remark] * any(remarks)
         rows.append((run.joint, *cells) if several else tuple(cells))
     return Table(tuple([Column("joint")] * several + columns), tuple(rows))
@@ -50,8 +54,10 @@ def _mrad(value: float) -> str:
 
 def mean_lines(runs: Sequence[FollowedJoint]) -> list[str]:
     """Return the mean error over the roll-outs, and how many of them do not test the actuators."""
-    errors = np.array([run.error for run in runs])
-    found = [f"mean absolute position error {_mrad(float(errors.mean()))} mrad ({counted(len(runs), 'roll-out')})"]
+    mean, whole = (float(np.mean([getattr(run, name) for run in runs])) for name in ("error", "whole"))
+    found = [f"mean absolute position error {_mrad(mean)} mrad ({counted(len(runs), 'roll-out')})"]
+    if len({run.joint for run in runs}) > 1:
+        found.append(f"the whole arm let go: {_mrad(whole)} mrad, all joints by their commands alone")
     if outside := sum(run.is_outside for run in runs):
         found.append(f"{counted(outside, 'roll-out')} at a kp outside that of the training logs: extrapolation")
     if trained := sum(run.is_trained for run in runs):
