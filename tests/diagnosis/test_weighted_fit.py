@@ -8,7 +8,7 @@ import pytest
 from dynident.diagnosis.causes.weighted_fit import EXACT, weighted_products
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-6, 1e6])
+@pytest.mark.parametrize("size", [1.0, 1e-18, 1e-6, 1e6, 1e12])
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
 def test_a_joint_of_small_torques_leaves_the_columns_of_the_others(size: float, noise: float) -> None:
     """Of torques a millionth of the other joint's, rows weigh 1e12 times as much from the first pass."""

@@ -22,6 +22,9 @@ PASSES = 6
 #: Pull to zero, as a share of the weighted squares of each column: directions that no row tells stay at zero.
 RIDGE = 1e-11
 
+#: Least weighting variance, as a share of the largest of all joints: products of rows that weigh more drown the others.
+LIGHTEST = 1e-9
+
 #: A residual below this share of the joint's torque is none.
 EXACT = 1e-4
 
@@ -165,7 +168,7 @@ def _weighted(grams: Array, sides: Array, squares: Array, counts: Array, floors:
     variances = squares / counts + floors
     beta, gram = np.zeros((many, size)), np.zeros((many, size, size))
     for _ in range(PASSES):
-        weights = 1.0 / variances
+        weights = 1.0 / np.maximum(variances, LIGHTEST * variances.max(axis=1, keepdims=True))
         sums = weights @ flat if flat.ndim == 2 else (weights[:, None] @ flat)[:, 0]
         gram, diagonal = sums.reshape(many, size, size), sums[:, :: size + 1]  # views
         strongest = 1e-300 + diagonal.max(axis=1, initial=0.0, keepdims=True)
