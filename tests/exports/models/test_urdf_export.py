@@ -14,6 +14,7 @@ from dynident.data.log import Log
 from dynident.errors import DescriptionError
 from dynident.exports.models import MODEL_EXPORTERS, export_model
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedBound, Plausibility
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
 from dynident.model.shapes import Capsule
@@ -208,6 +209,16 @@ def test_a_new_urdf_gives_the_robot_back(
             body = theta[known.links[i].name]
             assert body is not None
             np.testing.assert_allclose(body.vector, wanted.vector, rtol=1e-12, atol=1e-13)
+
+
+def test_bodies_beyond_their_bounds_are_named(moving: Estimate, tmp_path: Path) -> None:
+    """Those that the data contradict; a stated bound, which is kept, is none."""
+    bounds = [("upper", "mass", True), ("lower", "size", True), (TOTAL_MASS, "mass", False)]
+    contradicted = tuple(ContradictedBound(name, bound, 40.0, 9.0, 0.1, relaxed) for name, bound, relaxed in bounds)
+    for found, told in (((), []), (contradicted, ["mass of upper, size of lower"])):
+        run = replace(moving.run, plausibility=Plausibility(1.0, 1.0, 2.0, found, ()))  # type: ignore[call-arg]
+        notes = export_model(replace(moving, run=run), "urdf", tmp_path / "o.urdf").notes
+        assert [note.split(": ")[1].split(";")[0] for note in notes if note.startswith("beyond the bounds")] == told
 
 
 def test_capsules_are_shapes_that_engines_read(pendulum: Robot, exact_log: Callable[..., Log], tmp_path: Path) -> None:

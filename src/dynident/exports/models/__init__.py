@@ -19,6 +19,7 @@ from dynident.exports.models.subject.identified import Identified, identified
 from dynident.exports.models.subject.source import files_of, find_source, own_target
 from dynident.files import check_outputs
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.plausibility import TOTAL_MASS, Plausibility
 from dynident.plugins import Family
 
 MODEL_EXPORTERS: Family[ModelExporter] = Family(
@@ -100,8 +101,18 @@ def export_model(
         motion=simulated,
         left_out=content.left_out,
         neglected=neglected_torque(subject, content.left_out),
-        notes=(*subject.notes, *(() if part.remembers else subject.slipped), *content.notes),
+        notes=(*_relaxed(estimate), *subject.notes, *(() if part.remembers else subject.slipped), *content.notes),
     )
+
+
+def _relaxed(estimate: Estimate) -> list[str]:
+    """Return the note about bodies that are beyond the bounds of plausible ones, if there are some."""
+    facts = Plausibility.of(estimate.run)
+    named = [] if facts is None else [one for one in facts.contradicted if one.is_relaxed]
+    if not named:
+        return []
+    bounds = ", ".join(one.name if one.name == TOTAL_MASS else f"{one.bound} of {one.name}" for one in named)
+    return [f"beyond the bounds that the robot model gives, as the data contradict them: {bounds}; check these bodies"]
 
 
 def _check_part(part: ModelExporter, description: str | Path | None) -> None:
