@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,13 @@ from dynident.identification.estimate.plausibility import ContradictedBound, Pla
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.identification.problem.method_run import recorded_run
 from dynident.model.documents.robot_data import robot_to_dict
+from dynident.model.documents.shape_data import shapes_to_list
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot
+from dynident.model.shapes import Sphere
 from dynident.results import short_answer
-from dynident.results.plausibility import contradiction
+from dynident.results.plausibility import contradiction, nominal_lines
 
 Capture = pytest.CaptureFixture[str]
 
@@ -146,7 +149,7 @@ def test_a_mass_that_the_data_contradict_is_named(folder: Path, capsys: Capture)
 def test_a_size_that_the_data_contradict_names_shapes_and_inertia() -> None:
     words = contradiction(ContradictedBound("link2", "size", 40.0, 20.0, 0.1, True))
     assert words.startswith("size of link2: the data contradict it (chi-square 40")
-    assert words.endswith("its bound is relaxed; check shapes and inertia of the link in the robot model")
+    assert "its bound is relaxed; check the inertia of the link in the robot model, and its shapes" in words
 
 
 def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) -> None:
@@ -161,9 +164,34 @@ def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) 
 def test_a_link_without_size_or_possible_inertia_is_named(folder: Path, capsys: Capture) -> None:
     out = shown(capsys, "--bodies", "plausible")
     assert "no size known for link2: taken from the nominal centre of mass; give shapes" in out
-    assert "no possible nominal inertia" not in out
-    robot = json.loads((folder / "arm.json").read_text())
+    assert "impossible" not in out and "no inertia of" not in out
+    stated = (folder / "arm.json").read_text()
+    robot = json.loads(stated)
     robot["links"][1]["inertia"] = [0.0, *robot["links"][1]["inertia"][1:]]
     (folder / "arm.json").write_text(json.dumps(robot))
-    assert "no possible nominal inertia: link2: a uniform body" in shown(capsys, "--bodies", "plausible")
+    assert re.search(r"impossible inertia in the robot model: link2, .*: a uniform body", shown(capsys))
     assert "no size known" not in shown(capsys, "--bodies", "free")
+    robot["links"][1]["inertia"] = None
+    (folder / "arm.json").write_text(json.dumps(robot))
+    assert "no inertia of link2 in the robot model: a uniform body" in shown(capsys)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_right_inertia_is_no_fault_of_a_ball_to_touch_with(folder: Path, capsys: Capture) -> None:
+    robot = json.loads((folder / "arm.json").read_text())
+    robot["links"][1]["shapes"] = shapes_to_list([Sphere(0.02)])
+    (folder / "arm.json").write_text(json.dumps(robot))
+    out = shown(capsys)
+    assert "the robot model's inertia of link2 reaches beyond the link's shapes: its size holds both" in out
+    assert not re.search("impossible|data contradict|inertia of link2 is", out)
+
+
+def test_an_inertia_outside_its_bounds_is_not_called_impossible(planar_2r: Robot) -> None:
+    first, last = planar_2r.links
+    ball = replace(planar_2r, links=(first, replace(last, shapes=(Sphere(0.3),))))
+    facts = Plausibility(1.0, 1.0, 1.0, (), (), fitted=("link2",))
+    (thin,), (assumed,) = nominal_lines(ball, facts), nominal_lines(planar_2r, facts)
+    assert "inertia of link2 is thinner than links of its size are" in thin and "correct it" in thin
+    assert "outside the size and thickness assumed from frames and mass, as there are no shapes" in assumed
+    assert "impossible" not in thin + assumed and "give shapes in the robot model" in assumed
+    assert nominal_lines(planar_2r, replace(facts, fitted=())) == []

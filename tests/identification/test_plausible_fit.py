@@ -189,6 +189,19 @@ def test_a_body_that_its_own_shapes_exclude_gives_way_where_data_are_exact(
     np.testing.assert_allclose(again.fit.theta, found.fit.theta, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_right_body_larger_than_its_shapes_is_the_reference(
+    spatial_3r: Robot, exact_log: MakeLog, noise: float
+) -> None:
+    """The robot model made the log; its links have balls of 30 mm to touch with. Nothing has to give way to data."""
+    links = tuple(replace(link, shapes=(Sphere(0.03),)) for link in spatial_3r.links)
+    problem, truth = problem_of(replace(spatial_3r, links=links), exact_log, noise=noise)
+    found = plausible_fit(problem, weights_of(problem), 0.01, 1e-8)
+    assert (found.facts.contradicted, found.facts.fitted, found.facts.uniform) == ((), (), ())
+    assert found.facts.widened == tuple(link.name for link in links)
+    np.testing.assert_allclose(found.fit.theta[9:30:10] / truth[9:30:10], 1.0, atol=5 * noise + 1e-4)
+
+
 def test_one_joint_without_noise_is_fitted_in_units_of_what_its_bounds_cost(exact_log: MakeLog) -> None:
     """The nominal body explains the log and breaks the bounds: its residual is no unit for a fit within them."""
     point = Inertia.from_centre_of_mass(3.0, np.array([0.0, 0.02, 0.2]), 2e-4 * np.eye(3))

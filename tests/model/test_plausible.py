@@ -12,14 +12,16 @@ from dynident.model.body_constraints import DIRECTIONS, NEAREST, BodyConstraints
 from dynident.model.inertia import Inertia
 from dynident.model.plausible import (
     LEAST_DENSITY,
+    REACH,
     bounding_ellipsoid,
     link_points,
+    outgrown,
     plausible_constraints,
     uniform_body,
     wider_bounds,
 )
 from dynident.model.robot import Robot, rotation_about
-from dynident.model.shapes import Box
+from dynident.model.shapes import Box, Sphere
 
 
 def test_the_least_ellipsoid_about_a_box() -> None:
@@ -57,7 +59,10 @@ def test_no_body_between_the_slabs_reaches_further_at_equal_density() -> None:
 
 
 def test_bounds_that_a_nominal_body_breaks_are_widened_to_hold_it_with_room() -> None:
-    """A rod 20 mm thin in a box, a ball too large for it, and one that fits; what is stated stays."""
+    """A rod 20 mm thin in a box, a ball too large for it, and one that fits; what is stated stays.
+
+    The ball makes the size of its link larger at once; the rod is thinner than links of its box are.
+    """
     robot, box = read_robot("generic-6r"), Box(np.full(3, 0.3))
     spreads = ([1e-4, 0.01, 0.01], [0.05, 0.05, 0.05], [0.006, 0.006, 0.006])
     bodies = [Inertia.from_pseudo(2.0 * np.diag([*spread, 1.0])) for spread in spreads]
@@ -69,17 +74,33 @@ def test_bounds_that_a_nominal_body_breaks_are_widened_to_hold_it_with_room() ->
     stated = Constraints({name: BodyConstraints(thickness=0.01) for name in names[3:]})
     bounds = plausible_constraints(robot, stated)
     found = wider_bounds(robot, bounds, stated)
-    assert list(found) == [names[0], names[1], names[4]]
-    assert 0.5 * 0.01 < found[names[0]].thickness < 0.01
-    assert found[names[1]].thickness == bounds.links[names[1]].thickness and found[names[4]].thickness == 0.01
+    assert list(found) == [names[0]] and 0.5 * 0.01 < found[names[0]].thickness < 0.01
+    assert bounds.links[names[1]].thickness == bounds.links[names[2]].thickness
+    assert [outgrown(link) is not None for link in links] == [False, True, False] * 2
     for k in (1, 4):
-        space = found[names[k]].body_ellipsoid
+        space = bounds.links[names[k]].body_ellipsoid
         assert space is not None
-        rules = np.concatenate([space.quadric[None], space.slabs(found[names[k]].reach)])
+        rules = np.concatenate([space.quadric[None], space.slabs(bounds.links[names[k]].reach)])
         assert np.all(np.einsum("kij,ij->k", rules, bodies[1].pseudo) > 0.0)
+    boxed = bounds.links[names[2]].body_ellipsoid
+    assert boxed is not None
+    np.testing.assert_allclose(boxed.semi_axes, np.sqrt(3) * 0.15, rtol=1e-9)
+    given = Constraints({names[1]: BodyConstraints(body_ellipsoid=boxed)})
+    assert plausible_constraints(robot, given).links[names[1]].body_ellipsoid is boxed
     point = Inertia(2.0, np.zeros(3), np.zeros((3, 3)))  # no body of positive density, but what the file states
     alone = replace(robot, links=(replace(links[0], inertia=point), *links[1:]))
     assert wider_bounds(alone, plausible_constraints(alone), Constraints())[names[0]].thickness == 0.0
+
+
+def test_a_small_body_far_from_its_shapes_is_within_the_size() -> None:
+    """A ball of 20 mm half a metre away from a ball of 30 mm; one of an impossible inertia is not."""
+    link = replace(read_robot("generic-6r").links[0], shapes=(Sphere(0.03),))
+    far = Inertia.from_centre_of_mass(1.0, np.array([0.5, 0.0, 0.0]), 0.4 * 0.02**2 * np.eye(3))
+    size = outgrown(replace(link, inertia=far))
+    assert size is not None and np.all(np.einsum("kij,ij->k", size.slabs(REACH), far.pseudo) > 0.0)
+    assert np.sum(size.quadric * far.pseudo) > 0.0
+    flat = Inertia.from_centre_of_mass(1.0, np.array([0.5, 0.0, 0.0]), np.diag([0.1, 0.1, 0.3]))
+    assert outgrown(replace(link, inertia=flat)) is None and outgrown(replace(link, inertia=None)) is None
 
 
 def test_the_size_of_a_link_without_shapes() -> None:

@@ -43,10 +43,10 @@ _DIRECTIONS = np.vstack([DIRECTIONS, -DIRECTIONS])
 def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Constraints:
     """Return bounds of plausible bodies; what ``stated`` says about a link or the total stands in their place.
 
-    The ellipsoid holds the link's collision shapes; without shapes, or with a mesh that is not read, balls about the
-    frame of the link, those of its children, the named frames on it and the nominal centre of mass, and the nominal
-    body as far as it can be a link. Matter as far as the minimum thickness from every plane is further than sqrt(2)
-    times that from every axis.
+    The ellipsoid holds the link's shapes and a possible nominal body that reaches beyond them (neither is proof against
+    the other); without shapes, or with a mesh that is not read, balls about the frame of the link, those of its
+    children, the named frames on it and the nominal centre of mass, and the nominal body as far as it can be a link.
+    Matter as far as the minimum thickness from every plane is further than sqrt(2) times that from every axis.
     """
     known = stated or Constraints()
     masses = [link.inertia.mass if link.inertia is not None else 0.0 for link in robot.links]
@@ -57,7 +57,7 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
         uniform = float(np.min(ellipsoid.semi_axes)) / np.sqrt(5.0)
         thickness = min(GYRATION_SHARE * extent_of(points) / np.sqrt(2.0), UNIFORM_SHARE * uniform)
         if body.body_ellipsoid is None and body.body_box is None:
-            body = replace(body, body_ellipsoid=ellipsoid, reach=REACH)
+            body = replace(body, body_ellipsoid=outgrown(link) or ellipsoid, reach=REACH)
         if body.mass == ValueRange() and masses[i] > 0:
             body = replace(body, mass=ValueRange(masses[i] / MASS_FACTOR, masses[i] * MASS_FACTOR))
         bodies[link.name] = replace(body, thickness=body.thickness or thickness)
@@ -91,14 +91,28 @@ def wider_bounds(
         if not own.thickness and known.thickness**2 > least:
             found[link.name] = known = replace(known, thickness=float(np.sqrt(max(least, 0.0))) / SPARE)
         if known.body_ellipsoid is not None and known.reach:  # not a stated one
-            most = NEAREST * known.reach**2 / 6.0
-            slabs = np.sum(second * known.body_ellipsoid.slabs(known.reach), axis=(1, 2))
-            ratio = 1.0 - min(np.sum(second * known.body_ellipsoid.quadric), np.min(slabs) / most)
-            if ratio > 1.0:
-                axes = known.body_ellipsoid.semi_axes * np.sqrt(ratio) * SPARE
-                size = replace(known.body_ellipsoid, semi_axes=axes)
+            if (size := _with_room(known.body_ellipsoid, second, known.reach)) is not None:
                 found[link.name] = replace(known, body_ellipsoid=size)
     return found
+
+
+def _with_room(space: Ellipsoid, second: Array, reach: float) -> Ellipsoid | None:
+    """Return an ellipsoid scaled to hold a body of pseudo-inertia ``second`` per mass (4, 4); None where it does."""
+    slabs = np.sum(second * space.slabs(reach), axis=(1, 2)) / (NEAREST * reach**2 / 6.0)
+    ratio = 1.0 - min(np.sum(second * space.quadric), np.min(slabs))
+    return replace(space, semi_axes=space.semi_axes * np.sqrt(ratio) * SPARE) if ratio > 1.0 else None
+
+
+def outgrown(link: Link) -> Ellipsoid | None:
+    """Return the ellipsoid about shapes and nominal body; None where there are none, or the shapes bound the body."""
+    points, body = shape_points(link), link.inertia
+    if not len(points) or body is None or not body.is_consistent():
+        return None
+    second = body.pseudo / body.mass
+    if _with_room(bounding_ellipsoid(points), second, REACH) is None:
+        return None
+    size = bounding_ellipsoid(np.vstack([points, _nominal_points(body, as_stated=True)]))
+    return _with_room(size, second, REACH) or size
 
 
 def extent_of(points: Array) -> float:
@@ -137,20 +151,22 @@ def shape_points(link: Link) -> Array:
     return np.concatenate(parts) if parts and all(map(len, parts)) else np.zeros((0, 3))
 
 
-def _nominal_points(body: Inertia | None) -> Array:
+def _nominal_points(body: Inertia | None, *, as_stated: bool = False) -> Array:
     """Return points of the ellipsoid of equal density of a nominal body as far as it can be a link, shape (k, 3), in m.
 
     Its longer axes are cut to the least thickness that plausible bodies of their length have, and all to the least mean
-    density that links have: a body that is both as it stands is all in its own bounds.
+    density that links have: a body that is both as it stands is all in its own bounds. ``as_stated`` cuts nothing.
     """
     if body is None or not body.is_consistent():
         return np.zeros((0, 3))
-    centre = body.centre_of_mass
+    centre, factor = body.centre_of_mass, 1.0
     sizes, axes = np.linalg.eigh(body.pseudo[:3, :3] / body.mass - np.outer(centre, centre))
     semi_axes = np.sqrt(5.0 * np.maximum(sizes, 0.0))
-    semi_axes = np.minimum(semi_axes, semi_axes[0] / (GYRATION_SHARE * np.sqrt(10.0)))
-    density = body.mass / max(4.0 / 3.0 * np.pi * float(np.prod(semi_axes)), 1e-300)
-    return centre + _DIRECTIONS * min(1.0, (density / LOOK_DENSITY) ** (1.0 / 3.0)) * semi_axes @ axes.T
+    if not as_stated:
+        semi_axes = np.minimum(semi_axes, semi_axes[0] / (GYRATION_SHARE * np.sqrt(10.0)))
+        density = body.mass / max(4.0 / 3.0 * np.pi * float(np.prod(semi_axes)), 1e-300)
+        factor = min(1.0, (density / LOOK_DENSITY) ** (1.0 / 3.0))
+    return centre + _DIRECTIONS * factor * semi_axes @ axes.T
 
 
 def _balls(centres: Array, radius: float) -> Array:

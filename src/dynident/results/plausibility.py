@@ -10,7 +10,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedBound, Plausibility
 from dynident.identification.estimate.validation import Validation
 from dynident.model.plausible import shape_points
-from dynident.model.robot import Robot
+from dynident.model.robot import Robot, consistency_defects
 from dynident.results.text import format_number, format_percent, label
 
 
@@ -23,20 +23,36 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     usual = "plausible links are the default: --bodies free, or bodies: free in the case, fits without their bounds"
     lines = [cost_line(test, is_default) or (usual if is_default else "")]
     lines += map(contradiction, facts.contradicted)
-    if facts.uniform:
-        names = ", ".join(map(label, facts.uniform))
-        lines.append(f"no possible nominal inertia: {names}: a uniform body in its place; correct the robot model")
     if names := ", ".join(map(label, links_without_size(estimate.model.robot))):
         step = "give shapes in the robot model, or body: in the constraints"
         lines.append(f"no size known for {names}: taken from the nominal centre of mass; {step}")
     lines += mesh_lines(estimate.provenance.get("meshes") or ())
-    fitted = [name for name in facts.fitted if name not in _of_no_mass(estimate.model.robot)]
-    every = len(fitted) == len(estimate.model.robot.links) > 1
-    if names := "all links" if every else ", ".join(map(label, fitted)):
-        step = "correct the robot model, or state body: and thickness: in the constraints"
-        what = f"the robot model's inertia of {names} is impossible for a link of that size"
-        lines.append(f"{what}: the nearest possible one is the reference; {step}")
+    lines += nominal_lines(estimate.model.robot, facts)
     return [line for line in lines if line]
+
+
+def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
+    """Return which nominal inertias are missing, impossible or no bodies of their link's size, and what is taken."""
+    lines, defects, light = [], consistency_defects(robot.links), _of_no_mass(robot)
+    if names := ", ".join(label(name) for name in facts.uniform if name not in defects):
+        lines.append(f"no inertia of {names} in the robot model: a uniform body is the reference; state it there")
+    if names := "; ".join(f"{label(name)}, {defects[name]}" for name in facts.uniform if name in defects):
+        what = f"impossible inertia in the robot model: {names}"
+        lines.append(f"{what}: a uniform body is the reference; correct the robot model")
+    if names := ", ".join(map(label, facts.widened)):
+        what = f"the robot model's inertia of {names} reaches beyond the link's shapes: its size holds both"
+        lines.append(f"{what}; where the inertia is a guess, state body: in the constraints")
+    bare = [link.name for link in robot.links if not len(shape_points(link))]
+    thin = "thinner than links of its size are, or outside its constraints", "correct it"
+    large = "outside the size and thickness assumed from frames and mass, as there are no shapes", "give shapes"
+    for (what, step), is_bare in ((thin, False), (large, True)):
+        names = [name for name in facts.fitted if name not in light and (name in bare) == is_bare]
+        if names:
+            links = "all links" if len(names) == len(robot.links) > 1 else ", ".join(map(label, names))
+            fate = f"the nearest inside is the reference; {step} in the robot model"
+            end = "or state body: and thickness: in the constraints"
+            lines.append(f"the robot model's inertia of {links} is {what}: {fate}, {end}")
+    return lines
 
 
 def mesh_lines(faults: Sequence[Mapping[str, str]]) -> list[str]:
@@ -77,7 +93,7 @@ def contradiction(found: ContradictedBound) -> str:
     """Return how the data contradict a bound, and what became of it."""
     fate = "its bound is relaxed" if found.is_relaxed else "the stated range is kept: check it"
     if found.bound == "size":
-        fate += "; check shapes and inertia of the link in the robot model"
+        fate += "; check the inertia of the link in the robot model, and its shapes (without any the size is assumed)"
     numbers = f"chi-square {format_number(found.statistic, 3)} > {format_number(found.limit, 3)}"
     gain = f"training error {format_number(100 * found.gain, 2)} % lower without the bound"
     return f"{bound_name(found)}: the data contradict it ({numbers}; {gain}); {fate}"

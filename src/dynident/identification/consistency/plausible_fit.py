@@ -17,7 +17,8 @@ The weight v is the largest for which the cost rises by no more than the data's 
 the joint 95 % region of the b base parameters with rows taken as independent (Seber and Wild 2003, (5.3)). Correlated
 residuals would widen the region by their correlation factor: counted so, the rule stays on the side of the data.
 
-A nominal body that does not meet the bounds of its link is replaced by the nearest one of its mass that does.
+A possible nominal body that reaches beyond the shapes of its link is within its size: neither is proof against the
+other. One that does not meet the bounds of its link is replaced by the nearest one of its mass that does.
 
 A bound that nobody stated, a mass range or the size of a link without shapes, is contradicted where the cost without it
 is lower by more than a quantile of chi-square at 5 % over all such bounds (Bonferroni), the cost of each joint over its
@@ -53,7 +54,7 @@ from dynident.identification.residuals.covariance import correlation_of
 from dynident.identification.residuals.quantiles import chi_square_quantile
 from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
 from dynident.model.inertia import PSEUDO_BASIS
-from dynident.model.plausible import plausible_constraints, shape_points, uniform_body, wider_bounds
+from dynident.model.plausible import outgrown, plausible_constraints, shape_points, uniform_body, wider_bounds
 from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
 
@@ -98,7 +99,7 @@ def plausible_fit(
     model, base, reduced, scale = problem.model, problem.base, problem.reduced(weights), scale_of(problem)
     whole = plausible_constraints(model.robot, problem.constraints)
     contradicted = () if settled is None else settled.contradicted
-    bodies, is_stated, uniform = nominal_bodies(model.robot, whole, problem.prior)
+    (bodies, is_stated, uniform), names = nominal_bodies(model.robot, whole, problem.prior), list(whole.links)
     wider = wider_bounds(model.robot, whole, problem.constraints, problem.prior and bodies)
     bounds = _without(whole, [(one.name, one.bound) for one in contradicted if one.is_relaxed], wider)
     program, rows = pose_program(model, base, reduced, scale, pull, margin, constraints=bounds), max(reduced.rows, 1)
@@ -116,14 +117,13 @@ def plausible_fit(
             step = "drop or change one of them; bounds of the robot model give way to stated ones and to --bodies free"
             raise ContradictoryConstraints(clash.evidence, step) from clash
         setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within, wider)
-        filling = np.array([uniform_body(whole.links[link.name]).vector for link in model.robot.links])
+        filling = np.array([uniform_body(whole.links[name]).vector for name in names])
         if settled is None:
             contradicted, bounds, inner = _contradicted(setting, bounds, inner)
         rules = conditions_of(model, scale, margin, _with_masses(bounds, model.robot, bodies))
         bodies, fitted = fitting_bodies(bodies, filling, rules, scale)
-        relaxed = [one.name for one in contradicted if one.is_relaxed and one.bound == "mass"]
-        is_relaxed = np.isin([link.name for link in model.robot.links], relaxed)
-        bodies = bodies * mass_factors(bodies[:, 9], inner.candidate.phi * scale.parameters, is_stated, is_relaxed)
+        relaxed = np.isin(names, [one.name for one in contradicted if one.is_relaxed and one.bound == "mass"])
+        bodies = bodies * mass_factors(bodies[:, 9], inner.candidate.phi * scale.parameters, is_stated, relaxed)
         pulled = replace(program, conditions=inner.program.conditions)
         pulled = pull_program(pulled, bodies, filling, inner.candidate.phi, scale)
         limit, least, answers = chi_square_quantile(LEVEL, base.count), cost(inner), {0.0: inner}
@@ -136,8 +136,9 @@ def plausible_fit(
             weight, cost_rise = largest_weight(rise, limit)
         else:
             weight, cost_rise = settled.weight, rise(settled.weight) if settled.weight else 0.0
-        names = tuple(link.name for link, moved in zip(model.robot.links, fitted, strict=True) if moved)
-        facts = Plausibility(weight, cost_rise, limit, contradicted, tuple(uniform), names)
+        moved = tuple(name for name, is_moved in zip(names, fitted, strict=True) if is_moved)
+        wide = tuple(link.name for link in model.robot.links if whole.links[link.name].reach and outgrown(link))
+        facts = Plausibility(weight, cost_rise, limit, contradicted, tuple(uniform), moved, wide)
         return PlausibleFit(judged(answers[weight], scale), answers[weight].program, facts)
 
 

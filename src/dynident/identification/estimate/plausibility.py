@@ -17,7 +17,7 @@ class ContradictedBound:
 
     Attributes:
         name: The link, or :data:`TOTAL_MASS`.
-        bound: `mass`, or `size`: of a link without shapes, or of one whose nominal body breaks it.
+        bound: `mass`, or `size`: of a link without shapes, or of one whose nominal body breaks its bounds.
         statistic: Fall of the weighted residual square without the bound, each joint's over its correlation factor.
         limit: Quantile of chi-square that it exceeds, with one degree of freedom, ten for a size.
         gain: Relative fall of the weighted residual of the training samples without the bound.
@@ -43,6 +43,7 @@ class Plausibility:
         contradicted: Bounds that the data contradict.
         uniform: Links without a possible nominal inertia: the pull is to the uniform body that fills the geometry.
         fitted: Links whose nominal inertia breaks their bounds: the pull is to the nearest body that meets them.
+        widened: Links whose possible nominal inertia reaches beyond their shapes: the size that bounds them holds both.
         free_beta: Base parameters of the fit without bounds and pull, b of them.
     """
 
@@ -52,6 +53,7 @@ class Plausibility:
     contradicted: tuple[ContradictedBound, ...]
     uniform: tuple[str, ...]
     fitted: tuple[str, ...] = ()
+    widened: tuple[str, ...] = ()
     free_beta: tuple[float, ...] = ()
 
     @classmethod
@@ -61,7 +63,7 @@ class Plausibility:
         if stated is None:
             return None
         contradicted = tuple(ContradictedBound(**{"bound": "mass", **item}) for item in stated["contradicted"])
-        tuples = {key: tuple(stated.get(key, ())) for key in ("uniform", "fitted", "free_beta")}
+        tuples = {key: tuple(stated.get(key, ())) for key in ("uniform", "fitted", "widened", "free_beta")}
         return cls(**{**stated, **tuples, "contradicted": contradicted})
 
 
