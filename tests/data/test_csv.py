@@ -29,6 +29,10 @@ from dynident.errors import BadOption, DynidentError, FileError, LogFormatError,
 ROWS = 12
 
 
+#: The remedy for a column that is not there.
+MAPPED = "map it with columns: in the case file, which 'dynident init' drafts"
+
+
 def table(header="t,q1,q2,tau1,tau2", rows=ROWS, separator=","):
     """Return a sound log: row k has time k / 100 and cell c of it the number c + k / 8."""
     width = header.count(separator) if separator != " " else len(header.split()) - 1
@@ -172,20 +176,19 @@ AGAIN = "leave the repeated rows out, or write the time with more digits"
 FAULTS = [
     (
         table("t,q1,q2,tau_a,tau2"),
-        "1: no column 'tau1'; the header has t, q1, q2, tau_a, tau2; map it with columns: in the case file; "
-        "did you mean 'tau_a'?",
+        "1: no column 'tau1'; the header has t, q1, q2, tau_a, tau2; " + MAPPED + "; did you mean 'tau_a'?",
     ),
     (
         table("time,q1,tau1"),
-        "1: no column 't'; the header has time, q1, tau1; map it with columns: in the case file",
+        "1: no column 't'; the header has time, q1, tau1; " + MAPPED,
     ),
     (
         table("t,pos,effort"),
-        "1: no column 'q1'; the header has t, pos, effort; map it with columns: in the case file",
+        "1: no column 'q1'; the header has t, pos, effort; " + MAPPED,
     ),
     (
         table("t,q1,q3,tau1,tau2"),
-        "1: no column 'q2'; the header has t, q1, q3, tau1, tau2; map it with columns: in the case file",
+        "1: no column 'q2'; the header has t, q1, q3, tau1, tau2; " + MAPPED,
     ),
     (
         table("t,q1,tau1,tau2"),
@@ -268,7 +271,7 @@ def test_every_fault_names_line_and_column(tmp_path, lines, message):
         (b"t,q1\n0,1\n1,\xc2", ":3: the byte 0xc2 is not UTF-8 text; save it as CSV UTF-8"),
         (
             b"t,q\x1b[31m\n" + b"0,1\n" * 12,
-            ":1: no column 'q1'; the header has t, q\\x1b[31m; map it with columns: in the case file",
+            ":1: no column 'q1'; the header has t, q\\x1b[31m; " + MAPPED,
         ),
         ("t,q1\n0,1\n".encode("utf-16"), ":1: UTF-16 text, not UTF-8; save it as CSV UTF-8"),
         (b"t" + b"," * 5000 + b"\n", ":1: 5001 columns; at most 4096 are read"),

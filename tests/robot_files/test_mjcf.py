@@ -261,6 +261,18 @@ def test_shapes_are_those_that_touch(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.links[0].shapes[2].size, [0.2, 0.4, 0.6])  # type: ignore[union-attr]
 
 
+def test_points_that_are_written_are_a_shape_in_their_box(tmp_path: Path) -> None:
+    """A mesh of four points, stretched along y and turned by a quarter about z."""
+    head = '<asset><mesh name="m" scale="1 2 1" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .2"/></asset>'
+    geom = '<geom type="mesh" mesh="m" pos="1 0 0" euler="0 0 90" density="500"/>'
+    found, _ = robot(arm(HINGE + geom, head), tmp_path)
+    (box,) = found.links[0].shapes
+    assert isinstance(box, Box)
+    np.testing.assert_allclose(
+        [box.corners.min(axis=0), box.corners.max(axis=0)], [[0.8, 0, 0], [1, 0.1, 0.2]], atol=1e-12
+    )
+
+
 def test_gears_and_limits_of_torque(tmp_path: Path) -> None:
     found, _ = robot(FILES["gears"], tmp_path)
     one, two = (joint for joint in found.active if joint.name in ("a", "z"))

@@ -113,9 +113,12 @@ class Meshes:
                 raise asset.values.place.error(f"the mesh {shown(name)} gives no inertia: {reason}", step) from problem
         return self.bodies[name, kind]
 
-    def shape(self, values: Values, pose: Pose) -> Mesh | None:
-        """Return the mesh of a geom at its place; None where no file has it as it is."""
+    def shape(self, values: Values, pose: Pose) -> Mesh | Box | None:
+        """Return the mesh of a geom at its place, the box about written points; None where no file has it as it is."""
         asset = self.asset(values)
+        if not asset.file and "vertex" in asset.values:
+            points = self._triangles(asset).reshape(-1, 3)
+            return Box.between(points.min(axis=0), points.max(axis=0)).moved(*pose)
         scale = asset.values.numbers("scale", 3) if "scale" in asset.values else np.ones(3)
         is_moved = "refpos" in asset.values or "refquat" in asset.values
         return None if not asset.file or is_moved or np.any(scale == 0.0) else Mesh(asset.file, scale, *pose)
