@@ -88,6 +88,26 @@ def test_a_mesh_bounds_its_link_as_the_box_that_it_draws(tmp_path: Path, mesh: s
     assert read.links[1] == robot.links[1]
 
 
+def test_meshes_that_only_show_a_link_are_read_where_none_touches(tmp_path: Path) -> None:
+    """A ball to touch with and a mesh to look at; a missing one is a fault only where the link has no other shape."""
+    write_stl(tmp_path / "upper.stl", box_triangles(SIZE, CENTRE))
+    look, ball = (
+        '<visual><geometry><mesh filename="{}.stl"/></geometry></visual>',
+        '<geometry><sphere radius="0.02"/></geometry>',
+    )
+    path = tmp_path / "arm.urdf"
+    for collision, name, points, count in (
+        (f"<collision>{ball}</collision>", "upper", 26 + 8, 0),
+        (f"<collision>{ball}</collision>", "missing", 26, 0),
+        ("", "upper", 8, 0),
+        ("", "missing", 0, 1),
+        ('<collision><geometry><mesh filename="upper.stl"/></geometry></collision>', "missing", 8, 0),
+    ):
+        path.write_text(ARM.format(collision=collision + look.format(name)))
+        read, faults = with_mesh_points(read_robot(path), str(path))
+        assert (len(shape_points(read.links[0])), len(faults)) == (points, count)
+
+
 @pytest.mark.parametrize(
     ("unit", "scale", "words"),
     [

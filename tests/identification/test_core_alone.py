@@ -31,8 +31,8 @@ SIMULATED = SOURCE / "identification" / "simulated"
 #: Lines that the core may have: somebody has to read them. It was 31,000 before the readers of robot files went to a
 #: wing of their own (1,105 lines); what the core has stood at 29,895 then. That of meshes followed later (138 lines).
 #: Friction that remembers, chosen beside the delay, is 190 lines; that of drives that warm up is 146.
-#: The size that shapes and stated inertia of a link share is 15.
-LINES = 30_925
+#: The size that shapes and stated inertia of a link share is 15, shapes that only show it are 9.
+LINES = 30_935
 
 
 def _run(folder: Path, *words: str, package: Path | None = None) -> dict[str, object]:

@@ -9,6 +9,7 @@ import pytest
 
 from dynident import read_robot
 from dynident.model.body_constraints import DIRECTIONS, NEAREST, BodyConstraints, Constraints, Ellipsoid, ValueRange
+from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.inertia import Inertia
 from dynident.model.plausible import (
     LEAST_DENSITY,
@@ -17,11 +18,12 @@ from dynident.model.plausible import (
     link_points,
     outgrown,
     plausible_constraints,
+    shape_points,
     uniform_body,
     wider_bounds,
 )
 from dynident.model.robot import Robot, rotation_about
-from dynident.model.shapes import Box, Sphere
+from dynident.model.shapes import Box, Mesh, Sphere
 
 
 def test_the_least_ellipsoid_about_a_box() -> None:
@@ -90,6 +92,20 @@ def test_bounds_that_a_nominal_body_breaks_are_widened_to_hold_it_with_room() ->
     point = Inertia(2.0, np.zeros(3), np.zeros((3, 3)))  # no body of positive density, but what the file states
     alone = replace(robot, links=(replace(links[0], inertia=point), *links[1:]))
     assert wider_bounds(alone, plausible_constraints(alone), Constraints())[names[0]].thickness == 0.0
+
+
+def test_what_shows_a_link_bounds_it_beside_what_touches() -> None:
+    robot = read_robot("generic-6r")
+    ball, box = Sphere(0.03), Box(np.array([0.3, 0.2, 0.4]), translation=np.array([0.0, 0.0, 0.2]))
+    link = replace(robot.links[0], shapes=(ball,), visuals=(box,))
+    both, alone = len(shape_points(link)), len(shape_points(replace(link, visuals=())))
+    assert both == alone + 8 == alone + len(shape_points(replace(link, shapes=())))
+    unread = Mesh("look.dae")
+    assert len(shape_points(replace(link, visuals=(box, unread)))) == both
+    assert not len(shape_points(replace(link, shapes=(), visuals=(unread,))))
+    assert not len(shape_points(replace(link, shapes=(unread,))))
+    kept = robot_from_dict(robot_to_dict(replace(robot, links=(link, *robot.links[1:])))).links[0]
+    np.testing.assert_array_equal(shape_points(kept), shape_points(link))
 
 
 def test_a_small_body_far_from_its_shapes_is_within_the_size() -> None:

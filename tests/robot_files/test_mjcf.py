@@ -259,6 +259,8 @@ def test_shapes_are_those_that_touch(tmp_path: Path) -> None:
     found, _ = robot(arm(HINGE + BODY + geoms, '<asset><mesh file="m.stl"/></asset>'), tmp_path)
     assert [type(shape) for shape in found.links[0].shapes] == [Sphere, Capsule, Box, Cylinder, Box, Mesh]
     np.testing.assert_allclose(found.links[0].shapes[2].size, [0.2, 0.4, 0.6])  # type: ignore[union-attr]
+    (shown,) = found.links[0].visuals
+    assert isinstance(shown, Sphere) and shown.radius == 0.5
 
 
 def test_points_that_are_written_are_a_shape_in_their_box(tmp_path: Path) -> None:

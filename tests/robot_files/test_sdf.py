@@ -54,6 +54,19 @@ ARM = f"""<?xml version="1.0"?>
 """
 
 
+def test_what_shows_a_link_touches_nothing(tmp_path: Path) -> None:
+    """A mesh to look at is where the one to touch with was; one without a size is passed over."""
+    path = tmp_path / "arm.sdf"
+    path.write_text(ARM)
+    touching = read_robot(path).links[1]
+    faulty = '<visual name="f"><geometry><box><size>0 1 1</size></box></geometry></visual><visual'
+    path.write_text(ARM.replace("collision", "visual").replace("<visual", faulty, 1))
+    shown = read_robot(path).links[1]
+    (mesh,), (other,) = touching.shapes, shown.visuals
+    assert shown.shapes == () == touching.visuals and isinstance(mesh, Mesh) and isinstance(other, Mesh)
+    assert other.file == mesh.file and np.allclose(other.translation, mesh.translation, atol=0.0)
+
+
 @pytest.mark.parametrize(
     ("stated", "told"),
     [

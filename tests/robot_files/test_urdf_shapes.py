@@ -12,6 +12,7 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError
 from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.kernels.batched import link_poses
+from dynident.model.plausible import shape_points
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from dynident.robot_files import read_robot
@@ -103,6 +104,31 @@ def test_a_locked_joint_leaves_every_shape_where_it_is() -> None:
             for key, value in vars(shape).items():
                 assert getattr(after[name], key) == pytest.approx(value, abs=1e-12), (name, key)
     assert len(robot.locked({"shoulder": 0.7}).base_shapes) == 4
+
+
+def test_what_shows_a_link_is_where_its_shapes_would_be_and_touches_nothing() -> None:
+    """Of fixed links too, and with a joint locked; a faulty one is passed over: nothing moves by it."""
+    touching, shown = (read_urdf("arm.urdf", text.encode()) for text in (ARM, ARM.replace("collision", "visual")))
+    for robot, other in ((touching, shown), (touching.locked({"elbow": -0.3}), shown.locked({"elbow": -0.3}))):
+        assert other.base_shapes == () and any(link.shapes for link in robot.links)
+        for link, own in zip(robot.links, other.links, strict=True):
+            assert own.shapes == () == link.visuals
+            np.testing.assert_array_equal(shape_points(own), shape_points(link))
+    assert shapes_of(shown_by('<sphere radius="-1"/>')) == shapes_of(shown_by("")) == ()
+    assert len(shapes_of(shown_by('<sphere radius="1"/>'))) == 1
+
+
+def shown_by(geometry: str) -> Robot:
+    visual = f"<visual><geometry>{geometry}</geometry></visual>"
+    text = (
+        f'<robot name="r"><link name="b"/><link name="hand">{visual}</link>'
+        '<joint name="j" type="continuous"><parent link="b"/><child link="hand"/></joint></robot>'
+    )
+    return read_urdf("arm.urdf", text.encode())
+
+
+def shapes_of(robot: Robot) -> tuple[Shape, ...]:
+    return robot.links[0].visuals
 
 
 def one(geometry: str, at: str = "") -> tuple[Shape, ...]:

@@ -13,7 +13,7 @@ from dynident.arrays import Array
 from dynident.errors import FileError, MissingDependency
 from dynident.model.plausible import extent_of, link_points
 from dynident.model.robot import Robot
-from dynident.model.shapes import Mesh
+from dynident.model.shapes import Mesh, Shape
 from dynident.robot_files.mesh_files import mesh_places
 from dynident.robot_files.meshes import mesh_points, outermost
 
@@ -43,7 +43,8 @@ class MeshFault:
 def with_mesh_points(robot: Robot, robot_path: str, folders: Sequence[str] = ()) -> tuple[Robot, tuple[MeshFault, ...]]:
     """Return the robot with the outermost points of its meshes, and the meshes without.
 
-    A link with a faulty mesh keeps the size that its frames give.
+    A link with a faulty mesh keeps the size that its frames give. Meshes that only show a link are read where it has no
+    mesh that touches, which is the simpler one of the same link.
 
     Args:
         robot: The robot.
@@ -57,12 +58,28 @@ def with_mesh_points(robot: Robot, robot_path: str, folders: Sequence[str] = ())
             shapes = tuple(
                 mesh_with_points(robot, i, shape, places) if isinstance(shape, Mesh) else shape for shape in link.shapes
             )
-            links.append(replace(link, shapes=shapes))
+            is_shown = any(isinstance(shape, Mesh) for shape in shapes)
+            visuals = link.visuals if is_shown else tuple(_visual(robot, i, one, places) for one in link.visuals)
+            links.append(replace(link, shapes=shapes, visuals=visuals))
         except (FileError, MissingDependency) as error:
             evidence, _, remedy = str(error).rpartition("; ")
             faults.append(MeshFault(link.name, evidence, remedy))
             links.append(link)
     return replace(robot, links=tuple(links)), tuple(faults)
+
+
+def _visual(robot: Robot, index: int, shape: Shape, places: Sequence[str | Path]) -> Shape:
+    """Return what shows a link, a mesh with its points if it is a sound one.
+
+    Raises:
+        FileError, MissingDependency: It is not, and the link has no shapes but this.
+    """
+    try:
+        return mesh_with_points(robot, index, shape, places) if isinstance(shape, Mesh) else shape
+    except (FileError, MissingDependency):
+        if robot.links[index].shapes:
+            return shape
+        raise
 
 
 def mesh_with_points(robot: Robot, index: int, mesh: Mesh, folders: Sequence[str | Path]) -> Mesh:
@@ -83,7 +100,7 @@ def check_unit(robot: Robot, index: int, mesh: Mesh, points: Array) -> None:
     Raises:
         FileError: Its extent is that of the frames of the link in another unit.
     """
-    bare = replace(robot.links[index], shapes=())
+    bare = replace(robot.links[index], shapes=(), visuals=())
     frames = replace(robot, links=(*robot.links[:index], bare, *robot.links[index + 1 :]))
     size, usual = extent_of(points), extent_of(link_points(frames, index))
     if not usual / WRONG_UNIT < size < usual * WRONG_UNIT:

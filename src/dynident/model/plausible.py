@@ -146,9 +146,13 @@ def link_points(robot: Robot, index: int) -> Array:
 
 
 def shape_points(link: Link) -> Array:
-    """Return points whose hull is about the shapes of a link, shape (k, 3), in m; none with an unread mesh."""
-    parts = [_points_of(shape) for shape in link.shapes]
-    return np.concatenate(parts) if parts and all(map(len, parts)) else np.zeros((0, 3))
+    """Return points whose hull is about all shapes of a link, shape (k, 3), in m; none with an unread mesh.
+
+    Unread meshes that only show the link are left out where it has other shapes.
+    """
+    parts, shown = (list(map(_points_of, shapes)) for shapes in (link.shapes, link.visuals))
+    needed = parts or shown
+    return np.concatenate([*parts, *shown]) if needed and all(map(len, needed)) else np.zeros((0, 3))
 
 
 def _nominal_points(body: Inertia | None, *, as_stated: bool = False) -> Array:

@@ -152,13 +152,15 @@ class Link:
         name: Name of the link whose frame is used.
         inertia: Nominal inertia of the robot model, with its fixed links; None where it states none.
         fixed: Names of the links merged into it.
-        shapes: The space it takes up, with its fixed links, in its frame; empty where the robot model states none.
+        shapes: What can touch, with its fixed links, in its frame; empty where the robot model states none.
+        visuals: What only shows it and touches nothing: it bounds the link's body as its shapes do.
     """
 
     name: str
     inertia: Inertia | None = None
     fixed: tuple[str, ...] = ()
     shapes: tuple[Shape, ...] = ()
+    visuals: tuple[Shape, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -380,8 +382,9 @@ def _joined(parent: Link, child: Link, rotation: Array, translation: Array) -> L
     inertia = None  # unknown where either is
     if parent.inertia is not None and child.inertia is not None:
         inertia = parent.inertia + child.inertia.moved(rotation, translation)
-    shapes = (*parent.shapes, *(shape.moved(rotation, translation) for shape in child.shapes))
-    return Link(parent.name, inertia, (*parent.fixed, child.name, *child.fixed), shapes)
+    pairs = (parent.shapes, child.shapes), (parent.visuals, child.visuals)
+    solid, shown = ((*own, *(one.moved(rotation, translation) for one in more)) for own, more in pairs)
+    return Link(parent.name, inertia, (*parent.fixed, child.name, *child.fixed), solid, shown)
 
 
 def _last_link(robot: Robot, frames: Mapping[str, Frame]) -> str:

@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import nearest
+from dynident.errors import DescriptionError, nearest
 from dynident.model.documents.numbers import check_name, check_order, shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, JointLimits, Mimic
@@ -202,6 +202,14 @@ def mimic_of(joint: Element, holder: Element, scope: str) -> Mimic | None:
         if mimic != found[0][1]:
             raise element.place.error("the joint follows otherwise by another element too", "keep one of the two")
     return found[0][1] if found else None
+
+
+def visual_of(visual: Element) -> Shape | None:
+    """Return the shape of a ``<visual>`` in the frame of its link; None for a faulty one: nothing moves by it."""
+    try:
+        return shape_of(visual)
+    except DescriptionError:
+        return None
 
 
 def shape_of(collision: Element) -> Shape | None:

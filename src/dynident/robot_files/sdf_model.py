@@ -26,6 +26,7 @@ from dynident.robot_files.sdf_elements import (
     placed,
     shape_of,
     version_note,
+    visual_of,
 )
 from dynident.robot_files.sdf_frames import WORLD, SdfFrames
 from dynident.robot_files.sdf_includes import SdfFiles, read_sdf_files
@@ -59,7 +60,8 @@ class SdfModel:
         files: The file with its includes.
         bodies: Inertia of each link about its frame in the robot; None where the file states none.
         links: The links of the file.
-        shapes: Their shapes.
+        shapes: Their shapes that touch.
+        visuals: Those that only show them.
         connections: The joints, fixed ones included.
         joints: Their elements.
         gravity: In the frame of the base, shape (3,), in m/s^2.
@@ -75,6 +77,7 @@ class SdfModel:
     bodies: dict[str, Inertia | None] = field(default_factory=dict)
     links: dict[str, SdfLink] = field(default_factory=dict)
     shapes: dict[str, list[Shape]] = field(default_factory=dict)
+    visuals: dict[str, list[Shape]] = field(default_factory=dict)
     connections: list[Connection] = field(default_factory=list)
     joints: dict[str, Element] = field(default_factory=dict)
     gravity: Array = field(default_factory=lambda: np.array(STANDARD_GRAVITY))
@@ -92,7 +95,7 @@ class SdfModel:
         left = f"; without {', '.join(self.notes)}" if self.notes else ""
         version = f"; {self.version_note}" if self.version_note else ""
         note = f"read from {PurePath(str(self.path)).name}{version}{left}"
-        found = assemble(self.path, self.name, self.bodies, self.connections, note, self.shapes)
+        found = assemble(self.path, self.name, self.bodies, self.connections, note, self.shapes, self.visuals)
         found = with_unknown(found, self.incomplete)
         places = {found.base: Frame(-1, np.eye(3), np.zeros(3)), **found.frames}
         places |= {link.name: Frame(i, np.eye(3), np.zeros(3)) for i, link in enumerate(found.links)}
@@ -207,8 +210,10 @@ class _SdfReader:
             self.found.notes.append(f"the incomplete <inertial> of {name} (no <{missing}>)")
         self.found.links[name] = SdfLink(element, pose, origin)
         self.found.bodies[name] = None if inertia is None else inertia.moved(np.eye(3), origin)
-        shapes = [shape_of(collision) for collision in element.all("collision")]
-        self.found.shapes[name] = [shape.moved(np.eye(3), origin) for shape in shapes if shape is not None]
+        pairs = (self.found.shapes, "collision", shape_of), (self.found.visuals, "visual", visual_of)
+        for held, tag, reader in pairs:
+            shapes = [reader(one) for one in element.all(tag)]
+            held[name] = [shape.moved(np.eye(3), origin) for shape in shapes if shape is not None]
 
     def _link_frame(self, name: str, element: Element) -> Pose:
         """Return the frame of a link of the robot in that of the model."""

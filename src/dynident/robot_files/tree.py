@@ -70,8 +70,9 @@ def assemble(
     connections: Sequence[Connection],
     note: str,
     shapes: Mapping[str, Sequence[Shape]] | None = None,
+    visuals: Mapping[str, Sequence[Shape]] | None = None,
 ) -> Robot:
-    """Return the robot that the bodies (by name, with their inertia and shapes) and connections of a file make.
+    """Return the robot that the bodies (by name, with inertia, shapes and visuals) and connections of a file make.
 
     Moving links are in depth-first order, children in the order of the file. A fixed body becomes part of the moving
     link that carries it and a named frame on it; those that the base carries are frames of the base.
@@ -84,24 +85,26 @@ def assemble(
     follow = _followers(path, connections)
     places: dict[str, tuple[int, Array, Array]] = {root: (-1, np.eye(3), np.zeros(3))}
     links: list[tuple[str, Inertia | None, list[str]]] = []
-    taken = [list((shapes or {}).get(root, ()))]  # by the base and each link
+    kinds = shapes or {}, visuals or {}
+    taken = [tuple(list(kind.get(root, ())) for kind in kinds)]  # by the base and each link
     joints: list[Joint] = []
     frames: dict[str, Frame] = {}
     for joint in order:
         target, turn, shift = places[joint.parent]
         rotation, translation = turn @ joint.rotation, shift + turn @ joint.translation
-        inertia, own = bodies[joint.child], (shapes or {}).get(joint.child, ())
+        inertia, own = bodies[joint.child], tuple(list(kind.get(joint.child, ())) for kind in kinds)
         if joint.kind == "fixed":
             places[joint.child] = (target, rotation, translation)
             frames[joint.child] = Frame(target, rotation, translation)
-            taken[target + 1] += [shape.moved(rotation, translation) for shape in own]
+            for held, more in zip(taken[target + 1], own, strict=True):
+                held += [shape.moved(rotation, translation) for shape in more]
             if target >= 0:
                 carrier, sofar, merged = links[target]
                 links[target] = (carrier, _sum(sofar, inertia, rotation, translation), [*merged, joint.child])
             continue
         places[joint.child] = (len(links), np.eye(3), np.zeros(3))
         links.append((joint.child, inertia, []))
-        taken.append(list(own))
+        taken.append(own)
         joints.append(
             Joint(
                 joint.name, joint.kind, target, rotation, translation, joint.axis, joint.limits, joint.drive,
@@ -112,12 +115,12 @@ def assemble(
         raise Place(path).error("no joint moves", "give the robot model of an arm with moving joints")
     return Robot(
         name,
-        tuple(Link(a, b, tuple(c), tuple(own)) for (a, b, c), own in zip(links, taken[1:], strict=True)),
+        tuple(Link(a, b, tuple(c), *map(tuple, own)) for (a, b, c), own in zip(links, taken[1:], strict=True)),
         tuple(joints),
         base=root,
         frames=frames,
         note=note,
-        base_shapes=tuple(taken[0]),
+        base_shapes=tuple(taken[0][0]),
     )
 
 

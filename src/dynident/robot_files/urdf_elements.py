@@ -8,11 +8,12 @@ from typing import Final
 from dynident.model.documents.numbers import Place, shown
 from dynident.robot_files.xml_elements import Element, XmlLanguage, parse_xml
 
-#: What is read of each element. Everything else (visual, gazebo, transmission, ...) is passed over.
+#: What is read of each element. Everything else (gazebo, transmission, ...) is passed over.
 _CHILDREN: Final[Mapping[str, frozenset[str]]] = {
     "robot": frozenset({"link", "joint"}),
-    "link": frozenset({"inertial", "collision"}),
+    "link": frozenset({"inertial", "collision", "visual"}),
     "collision": frozenset({"origin", "geometry"}),
+    "visual": frozenset({"origin", "geometry"}),
     "geometry": frozenset({"box", "sphere", "cylinder", "capsule", "mesh"}),
     "inertial": frozenset({"origin", "mass", "inertia"}),
     "joint": frozenset({"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}),

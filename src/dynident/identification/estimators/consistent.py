@@ -75,7 +75,7 @@ class Consistent(Estimator):
         return self.pull
 
     def _bounded(self, problem: Problem) -> bool:
-        stated = any(link.inertia is not None or link.shapes for link in problem.model.robot.links)
+        stated = any(link.inertia is not None or link.shapes or link.visuals for link in problem.model.robot.links)
         return self.bodies == "plausible" or (self.bodies == "auto" and self.metric == "natural" and stated)
 
     def refit(self, problem: Problem, run: MethodRun | None = None) -> Callable[[Reduced], Array]:

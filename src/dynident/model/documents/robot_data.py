@@ -23,7 +23,7 @@ _ROBOT: Final = (
     "schema", "version", "name", "base", "gravity", "links", "joints", "frames", "tool", "coupling", "note",
     "base_shapes",
 )  # fmt: skip
-_LINK: Final = ("name", "inertia", "fixed", "shapes")
+_LINK: Final = ("name", "inertia", "fixed", "shapes", "visuals")
 _JOINT: Final = (
     "name", "kind", "parent", "rotation", "translation", "axis", "limits", "drive", "mimic", "damping", "friction",
 )  # fmt: skip
@@ -46,6 +46,7 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
                 "inertia": None if link.inertia is None else link.inertia.vector.tolist(),
                 "fixed": list(link.fixed),
                 **({"shapes": shapes_to_list(link.shapes)} if link.shapes else {}),
+                **({"visuals": shapes_to_list(link.visuals)} if link.visuals else {}),
             }
             for link in robot.links
         ],
@@ -137,7 +138,8 @@ def _link(section: Section) -> Link:
     fixed = section.value("fixed")
     if not isinstance(fixed, list) or not all(isinstance(name, str) for name in fixed):
         raise section.place("fixed").error(f"{shown(fixed)} is no list of names", "write a list of texts")
-    return Link(section.name("name"), inertia, tuple(fixed), read_shapes(section, "shapes"))
+    shapes, visuals = (read_shapes(section, key) for key in ("shapes", "visuals"))
+    return Link(section.name("name"), inertia, tuple(fixed), shapes, visuals)
 
 
 def _joint(section: Section, i: int) -> Joint:

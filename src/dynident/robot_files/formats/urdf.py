@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import ClassVar, Final, Literal, final
+from typing import ClassVar, Final, Literal, TypeAlias, final
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import nearest
+from dynident.errors import DescriptionError, nearest
 from dynident.model.documents.numbers import Place, check_name, check_order, decimal, shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import JointLimits, Mimic, Robot
@@ -22,6 +22,7 @@ from dynident.robot_files.tree import Connection, assemble, some
 from dynident.robot_files.urdf_elements import parse_urdf
 from dynident.robot_files.xml_elements import Element
 
+_Shapes: TypeAlias = dict[str, list[Shape]]
 _KINDS: Final[dict[str, Literal["fixed", "revolute", "prismatic"]]] = {
     "fixed": "fixed",
     "revolute": "revolute",
@@ -38,9 +39,10 @@ _TENSOR: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 class Urdf(Description):
     """URDF, the robot model of ROS (specification 1.0 to 1.2).
 
-    Read: links with ``<inertial>`` and ``<collision>`` (box, sphere, cylinder, capsule, name of a mesh), joints (fixed,
-    revolute, continuous, prismatic), ``<origin>`` with rpy or quat_xyzw, ``<axis>``, ``<limit>`` with acceleration,
-    deceleration and jerk, ``<dynamics>``, ``<mimic>``. The rest (visual, gazebo, transmission, ...) is passed over.
+    Read: links with ``<inertial>``, ``<collision>`` and ``<visual>`` (box, sphere, cylinder, capsule, name of a mesh),
+    joints (fixed, revolute, continuous, prismatic), ``<origin>`` with rpy or quat_xyzw, ``<axis>``, ``<limit>`` with
+    acceleration, deceleration and jerk, ``<dynamics>``, ``<mimic>``. The rest is passed over
+    (gazebo, transmission, ...).
 
     Choices where the format leaves room:
 
@@ -80,7 +82,7 @@ def read_urdf_bodies(path: object, data: bytes) -> tuple[dict[str, Inertia | Non
     Raises:
         DescriptionError: Any fault of the file.
     """
-    _, bodies, _, connections = _Reader(path).parts(parse_urdf(path, data))
+    _, bodies, *_, connections = _Reader(path).parts(parse_urdf(path, data))
     return bodies, connections
 
 
@@ -94,18 +96,19 @@ class _Reader:
 
     def robot(self, root: Element) -> Robot:
         """Return the robot of the ``<robot>`` element."""
-        name, bodies, shapes, connections = self.parts(root)
+        name, bodies, shapes, visuals, connections = self.parts(root)
         notes = [f"read from {PurePath(str(self._path)).name}", *self._notes]
         if self._unbounded:
             notes.append(f"no position limits of {some(self._unbounded)}: neither lower nor upper in <limit>")
         note = "; ".join(notes)
-        return assemble(self._path, name, bodies, connections, note, shapes)
+        return assemble(self._path, name, bodies, connections, note, shapes, visuals)
 
-    def parts(self, root: Element) -> tuple[str, dict[str, Inertia | None], dict[str, list[Shape]], list[Connection]]:
-        """Return the name of the ``<robot>`` element, its bodies with inertias and shapes, and its joints."""
+    def parts(self, root: Element) -> tuple[str, dict[str, Inertia | None], _Shapes, _Shapes, list[Connection]]:
+        """Return the name of the ``<robot>`` element, its bodies with inertias, shapes and visuals, and its joints."""
         name = self._attribute(Place(self._path, f"line {root.line}"), root, "name")
         bodies: dict[str, Inertia | None] = {}
-        shapes: dict[str, list[Shape]] = {}
+        shapes: _Shapes = {}
+        visuals: _Shapes = {}
         for element in root.all("link"):
             link = self._attribute(Place(self._path, f"line {element.line}"), element, "name")
             if link in bodies:
@@ -113,6 +116,7 @@ class _Reader:
             place = Place(self._path, f"link {shown(link)}")
             bodies[link] = self._inertia(place, element)
             shapes[link] = [self._shape(place, collision) for collision in element.all("collision")]
+            visuals[link] = [shape for one in element.all("visual") if (shape := self._visual(place, one)) is not None]
         if not bodies:
             raise Place(self._path).error("no <link> in <robot>", "give the URDF of a robot")
         connections = [self._joint(element, bodies) for element in root.all("joint")]
@@ -121,7 +125,7 @@ class _Reader:
             if joint.name in seen:
                 raise self._twice("joint", joint.name, element.line)
             seen.add(joint.name)
-        return name, bodies, shapes, connections
+        return name, bodies, shapes, visuals, connections
 
     def _twice(self, what: str, name: str, line: int) -> Exception:
         place = Place(self._path, f"line {line}")
@@ -171,6 +175,13 @@ class _Reader:
             return Cylinder(radius, length, rotation, translation)
         tip = 0.5 * length * rotation[:, 2]
         return Capsule(translation - tip, translation + tip, radius)
+
+    def _visual(self, place: Place, visual: Element) -> Shape | None:
+        """Return the shape of a ``<visual>``; None for a faulty one: nothing moves or stops by it."""
+        try:
+            return self._shape(place, visual)
+        except DescriptionError:
+            return None
 
     def _joint(self, element: Element, bodies: dict[str, Inertia | None]) -> Connection:
         name = self._attribute(Place(self._path, f"line {element.line}"), element, "name")

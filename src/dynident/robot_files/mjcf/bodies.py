@@ -72,7 +72,8 @@ class MjcfTree:
 
     Attributes:
         bodies: Inertia of each body by name, about the origin of its link; None where nothing states one.
-        shapes: Their shapes.
+        shapes: Their shapes that touch.
+        visuals: Those that touch nothing.
         connections: Their joints, fixed ones included.
         sites: Named frames: the body, rotation and translation in the frame of its link.
         joints: The joints that move, by name.
@@ -85,6 +86,7 @@ class MjcfTree:
 
     bodies: dict[str, Inertia | None] = field(default_factory=lambda: {WORLD: None})
     shapes: dict[str, list[Shape]] = field(default_factory=lambda: {WORLD: []})
+    visuals: dict[str, list[Shape]] = field(default_factory=lambda: {WORLD: []})
     connections: list[Connection] = field(default_factory=list)
     sites: dict[str, tuple[str, Pose]] = field(default_factory=dict)
     joints: dict[str, JointSource] = field(default_factory=dict)
@@ -100,12 +102,8 @@ class MjcfTree:
 
     def frames(self, links: Mapping[str, Frame]) -> dict[str, Frame]:
         """Return the sites as frames, from the place of each body on a link."""
-        found: dict[str, Frame] = {}
-        for name, (body, pose) in self.sites.items():
-            link = links[body]
-            rotation, translation = placed((link.rotation, link.translation), pose)
-            found[name] = Frame(link.link, rotation, translation)
-        return found
+        on = [(name, links[body], pose) for name, (body, pose) in self.sites.items()]
+        return {name: Frame(link.link, *placed((link.rotation, link.translation), pose)) for name, link, pose in on}
 
 
 @dataclass(frozen=True)
@@ -211,9 +209,10 @@ class _TreeReader:
             elif child.tag == "site":
                 self._site(child, frame, scope, carrier)
             elif child.tag == "geom":
-                shape = scope.geoms.shape(child, scope.childclass, frame)
+                shape, touches = scope.geoms.shape(child, scope.childclass, frame)
                 if shape is not None:
-                    self.tree.shapes[carrier.name].append(shape.moved(np.eye(3), carrier.origin))
+                    held = (self.tree.shapes if touches else self.tree.visuals)[carrier.name]
+                    held.append(shape.moved(np.eye(3), carrier.origin))
             elif carrier.name == WORLD and child.tag in ("joint", "freejoint", "inertial"):
                 raise child.place.error("it stands in the world, which does not move", "put it into a <body>")
 
@@ -243,7 +242,7 @@ class _TreeReader:
         inertia = self._inertia(element, children, scope)
         origin = self._connect(name, joints, (rotation, translation + carrier.origin), carrier, inertia)
         self.tree.bodies[name] = None if inertia is None else inertia.moved(np.eye(3), origin)
-        self.tree.shapes[name] = []
+        self.tree.shapes[name], self.tree.visuals[name] = [], []
         self.tree.sources[name] = BodySource(element, origin, scope.is_own)
         self._inside(children, _Carrier(name, origin))
 

@@ -187,11 +187,14 @@ class Geoms:
         scale = density if mass is None else mass / unit.mass
         return Inertia.from_vector(scale * unit.vector).moved(*self._pose(values, kind, frame))
 
-    def shape(self, element: Element, childclass: str, frame: Pose) -> Shape | None:
-        """Return the space that a geom takes up in the frame of its body; None where it touches nothing."""
+    def shape(self, element: Element, childclass: str, frame: Pose) -> tuple[Shape | None, bool]:
+        """Return the space that a geom takes up in the frame of its body, if any, and whether it touches."""
         values, kind = self._values(element, childclass)
-        touches = values.number("contype", 1.0) or values.number("conaffinity", 1.0)
-        if not touches or kind in ("plane", "hfield", "sdf"):
+        touches = bool(values.number("contype", 1.0) or values.number("conaffinity", 1.0))
+        return self._shape(values, kind, frame), touches
+
+    def _shape(self, values: Values, kind: str, frame: Pose) -> Shape | None:
+        if kind in ("plane", "hfield", "sdf"):
             return None
         rotation, translation = self._pose(values, kind, frame)
         if "mesh" in values:

@@ -54,7 +54,7 @@ class MjcfModel:
             if what not in _ENDED or not _ENDED[what] <= document.disabled.keys()
         ]
         note = f"read from {PurePath(str(document.path)).name}" + (f"; without {', '.join(left)}" if left else "")
-        found = assemble(document.path, document.name, tree.bodies, self.connections, note, tree.shapes)
+        found = assemble(document.path, document.name, tree.bodies, self.connections, note, tree.shapes, tree.visuals)
         places = {WORLD: Frame(-1, *IDENTITY)}
         places |= {link.name: Frame(i, *IDENTITY) for i, link in enumerate(found.links)} | dict(found.frames)
         sites = {name: frame for name, frame in tree.frames(places).items() if name not in places}
