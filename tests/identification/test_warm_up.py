@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -14,8 +16,10 @@ from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption, LogMismatch
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
+from dynident.identification.selection.friction.variable_projection import spans_of
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
+from dynident.model.friction.base import Range
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.presliding import Presliding
 from dynident.model.friction.viscous import Viscous
@@ -92,6 +96,14 @@ def test_logs_too_short_for_it_do_not_try_it_and_refuse_it_where_it_is_stated(
         identify(DynamicModel(planar_2r, (*DRAFT[:2], WarmUp(3000.0))), [log], "wls", HOW)
     with pytest.raises(BadOption, match="looked for from 60 s on, in logs of at least twice that; this is 100 s"):
         identify(DynamicModel(planar_2r, (*DRAFT[:2], WarmUp(vary=("time_constant",)))), [log], "wls", HOW)
+
+
+def test_a_narrow_range_of_a_field_that_is_no_duration_is_looked_for() -> None:
+    @dataclass(frozen=True)
+    class Narrow(WarmUp):
+        ranges: ClassVar = {"crossover": Range(1.0, 1.5)}
+
+    assert spans_of(Narrow(vary=("crossover",)), "vary", 1.0, longest=10.0) == {"crossover": (1.0, 1.5)}
 
 
 def test_at_rest_a_warm_drive_holds_what_its_friction_is_then(planar_2r: Robot, exact_motion: MakeMotion) -> None:

@@ -130,7 +130,7 @@ def _within_logs(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel
     for part in model.friction:
         least, left_open = finest_of(model, part, finest), (*(part.choose or ()), *(part.vary or ()))
         spans = part.ranges.items()
-        if part.is_optional and any(span.is_duration and span.low * 2 > longest for _, span in spans):
+        if part.is_optional and any(span.is_duration and longest < span.least_log for _, span in spans):
             continue
         moved: dict[str, Any] = {}
         for name, span in spans:
@@ -175,7 +175,7 @@ def _with_chosen_fields(
             first, (chosen, held) = chosen, choose(model, prepared)
     choices = replace(choices, chosen_fields=held)
     stay = tuple(part for part in model.friction if not (part.lags and part.is_optional))
-    if delay_is_free and _lags(chosen) and len(stay) < len(model.friction):
+    if delay_is_free and chosen.lags and len(stay) < len(model.friction):
         plain = replace(model, friction=stay)
         other, others, without_it = _with_chosen_fields(plain, logs, preprocessing, before, progress, choose)
         better, tried = compared(chosen, prepared, other, others)
@@ -202,10 +202,6 @@ def _check_cycles(model: DynamicModel, logs: Sequence[Log]) -> None:
             evidence = f"{repeats}, and less than half of that is seen: {moved}"
             step = "log motions over at least a whole cycle, or state the part for other joints (joints: ...)"
             raise LogMismatch(logs[0].name, evidence, step)
-
-
-def _lags(model: DynamicModel) -> bool:
-    return any(part.lags for part in model.friction)
 
 
 def _with_chosen_friction(
@@ -239,8 +235,8 @@ def _prepared(
 
     progress("time delay between torque and position")
     simple = without_load(model)
-    bounds: Sequence[DelayRecord | Delay] = without if _lags(simple) else ()
-    if _lags(simple) and not bounds:
+    bounds: Sequence[DelayRecord | Delay] = without if simple.lags else ()
+    if simple.lags and not bounds:
         forgetful = replace(simple, friction=tuple(part for part in simple.friction if not part.lags))
         bounds, _ = find_delays(forgetful, base_parameters(forgetful), logs, preprocessing)
     within = [delay.applied for delay in bounds]

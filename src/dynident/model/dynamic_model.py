@@ -108,6 +108,11 @@ class DynamicModel(ModelMethods):
         """Signals beyond the motion that friction depends on: ``torque``, ``temperature``, ``state``."""
         return frozenset(name for part in self.friction for name in part.needs)
 
+    @property
+    def lags(self) -> bool:
+        """Whether a part of the friction follows a reversal late, as a torque with a delay does."""
+        return any(part.lags for part in self.friction)
+
     def friction_values(self, motion: Motion) -> Array:
         """Return the value of every friction column at its own drive, shape (N, n, k); 0 where a part does not act.
 

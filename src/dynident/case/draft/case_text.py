@@ -206,7 +206,7 @@ def _friction(found: Recognised) -> list[str]:
 def _warm_up(found: Recognised) -> list[str]:
     """Return the part for drives that warm up, where a log is long enough to tell and states no temperatures."""
     longest = max((one.duration * found.to_seconds for one in found.readings), default=0.0)
-    if "temperature" in found.left_out or longest < 2.0 * WarmUp.ranges["time_constant"].low:
+    if "temperature" in found.left_out or longest < WarmUp.ranges["time_constant"].least_log:
         return []
     text = "friction that changes as the drives warm up"
     return [f"  - warm_up: {{time_constant: {_WARMS:g}, choose: [part, time_constant]}}   # {text}"]

@@ -132,6 +132,11 @@ class Range:
     is_distance: bool = False
     is_duration: bool = False
 
+    @property
+    def least_log(self) -> float:
+        """How long a log has to be for a duration to be looked for, in s."""
+        return 2.0 * self.low
+
 
 @dataclass(frozen=True)
 class State:

@@ -75,8 +75,7 @@ class WarmUp(Friction):
 
     def update(self, at: Inputs) -> tuple[Number, ...]:
         # from positions and the time alone, as exports have them: a step's losses come in its middle
-        half = exponential(at.step * (-0.5 / self.time_constant))
-        way = abs(at.moved)
+        half, way = exponential(at.step * (-0.5 / self.time_constant)), abs(at.moved)
         lost = way + way * way / (larger(at.step, SHORTEST) * self.crossover)
         return (half * (half * at.state[0] + lost * (1.0 / self.time_constant)),)
 

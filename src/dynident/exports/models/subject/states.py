@@ -80,7 +80,7 @@ def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) ->
             else (column[follow.joint], float(follow.multiplier), float(follow.offset))
         )
     motion = model.random_motion(STATES, SEED)
-    q = _walk(model, motion.q) if any(part.lags for part in model.friction) else motion.q
+    q = _walk(model, motion.q) if model.lags else motion.q
     # Friction that depends on the load takes the model's own torque, not a drawn one.
     motion = model.with_states(Motion(q, motion.dq, motion.ddq, None, motion.temperature), PACE)
     return StateSet(motion, model.robot.gravity, follows, PACE if takes_time(model) else None)

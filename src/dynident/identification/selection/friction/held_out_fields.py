@@ -152,7 +152,7 @@ def compared(
 
 def _shares_of_delay(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[float, ...]:
     """Return which shares of the delays that were found are compared: friction that remembers lags as they do."""
-    longest = max(abs(log.delay_s) * log.log.rate for log in logs) if any(part.lags for part in model.friction) else 0.0
+    longest = max(abs(log.delay_s) * log.log.rate for log in logs) if model.lags else 0.0
     return tuple(np.linspace(1.0, 0.0, min(int(np.ceil(longest)), MOST) + 1)) if longest else (1.0,)
 
 

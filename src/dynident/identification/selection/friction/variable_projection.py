@@ -116,10 +116,10 @@ def spans_of(
             raise BadOption(asked, name, "name a field in vary or in choose, not in both")
         span = part.ranges[name]
         high = min(span.high, max(fastest, 2 * span.low)) if span.is_speed else span.high
+        if span.is_duration and longest < 0.9 * span.least_log:  # some of a log is cut off at its ends
+            step = f"in logs of at least twice that; this is {longest:.3g} s; log longer, or state a value"
+            raise BadOption(asked, name, f"it is looked for from {span.low:g} s on, {step}")
         high = min(high, longest) if span.is_duration else high
-        if high < 1.8 * span.low:  # of a log of twice that some is cut off at the ends
-            step = f"it is looked for from {span.low:g} s on, in logs of at least twice that; this is {longest:.3g} s"
-            raise BadOption(asked, name, f"{step}; log longer, or state a value")
         spans[name] = (min(max(span.low, finest), high) if span.is_distance else span.low, high)
     return spans
 
