@@ -12,6 +12,7 @@ from dynident.identification.estimate.validation import Validation
 from dynident.model.plausible import shape_points
 from dynident.model.robot import Robot, consistency_defects
 from dynident.results.text import format_number, format_percent, label
+from dynident.robot_files.tree import weightless
 
 
 def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]:
@@ -33,7 +34,11 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
 
 def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
     """Return which nominal inertias are missing, impossible or no bodies of their link's size, and what is taken."""
-    lines, defects, light = [], consistency_defects(robot.links), _of_no_mass(robot)
+    lines, defects, light = (
+        [],
+        consistency_defects(robot.links),
+        weightless({link.name: link.inertia for link in robot.links}),
+    )
     if names := ", ".join(label(name) for name in facts.uniform if name not in defects):
         lines.append(f"no inertia of {names} in the robot model: a uniform body is the reference; state it there")
     if names := "; ".join(f"{label(name)}, {defects[name]}" for name in facts.uniform if name in defects):
@@ -63,15 +68,9 @@ def mesh_lines(faults: Sequence[Mapping[str, str]]) -> list[str]:
     return [f"size of {names} from frames, not from meshes ({label(first['evidence'])}); {first['remedy']}"]
 
 
-def _of_no_mass(robot: Robot) -> list[str]:
-    """Return the links between two joints of one body of an MJCF: a billionth of the mass of the robot at most."""
-    masses = {link.name: link.inertia.mass for link in robot.links if link.inertia is not None}
-    return [name for name, mass in masses.items() if 0.0 < mass < 1e-9 * sum(masses.values())]
-
-
 def links_without_size(robot: Robot) -> list[str]:
     """Return the links of a mass without shapes, children and named frames away from their own frame."""
-    found, light = [], _of_no_mass(robot)
+    found, light = [], weightless({link.name: link.inertia for link in robot.links})
     for i, link in enumerate(robot.links):
         places = [joint.translation for joint in robot.joints if joint.parent == i]
         places += [frame.translation for frame in robot.frames.values() if frame.link == i]

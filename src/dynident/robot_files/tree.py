@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -16,8 +16,17 @@ from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
 from dynident.model.shapes import Shape
 
+#: Largest parameter of a link of next to no mass, as a share of the largest of all links.
+NEXT_TO_NONE: Final = 1e-10
+
 #: Mass of a link between two joints of one body, as a share of that body's, and radius of its ball in m.
-_NEXT_TO_NONE, _RADIUS = 1e-12, 0.04
+_SHARE, _RADIUS = 0.01 * NEXT_TO_NONE, 0.04
+
+
+def weightless(bodies: Mapping[str, Inertia | None]) -> set[str]:
+    """Return the bodies of next to no mass: such a link stands between two joints of one body."""
+    sizes = {name: float(np.abs(body.vector).max()) for name, body in bodies.items() if body is not None}
+    return {name for name, size in sizes.items() if size <= NEXT_TO_NONE * max(sizes.values())}
 
 
 def between_joints(body: Inertia | None) -> Inertia:
@@ -26,7 +35,7 @@ def between_joints(body: Inertia | None) -> Inertia:
     It has next to none, so that it is a body with a natural size: what is identified stays as small, and is left out
     when it is written.
     """
-    mass = 0.0 if body is None else _NEXT_TO_NONE * body.mass
+    mass = 0.0 if body is None else _SHARE * body.mass
     return Inertia(mass, np.zeros(3), 0.4 * mass * _RADIUS**2 * np.eye(3))
 
 

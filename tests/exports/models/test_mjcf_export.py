@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from identified_arms import estimate_of
 
+import dynident as di
 from dynident.data.log import Log
 from dynident.errors import DescriptionError, FileError
 from dynident.exports.models import export_model
@@ -284,6 +285,40 @@ def test_two_joints_of_one_body_keep_no_mass_between_them(tmp_path: Path, exact_
     assert text.count("<inertial") == 1 and text.count("<body") == 1
     model = pytest.importorskip("mujoco").MjModel.from_xml_path(str(tmp_path / "out.xml"))
     assert model.body("arm").mass[0] == pytest.approx(estimate.theta[19], rel=1e-9)
+
+
+#: Two bodies of two and three joints: anchors off the origin, a reference position, a slide, grams at the end.
+SHARED = """<mujoco><compiler angle="radian"/><worldbody><body name="arm" pos=".1 .2 .3" euler=".3 .5 -.4">
+  <joint name="shoulder" axis="0 0 1"/><joint name="pitch" axis="0 1 .3" pos="0 0 .02" ref=".3"/>
+  <geom type="box" size=".05 .04 .2" pos="0 0 .2"/>
+  <body name="fore" pos=".1 0 .4" euler=".1 .2 .3">
+    <joint name="lift" type="slide" axis="1 .2 0" pos=".3 0 0" ref=".05"/>
+    <joint name="elbow" axis="1 0 0" pos=".01 -.04 0"/><joint name="roll" axis="0 .3 1" ref=".5"/>
+    <inertial pos=".005 0 .01" mass=".02" diaginertia="2e-6 2e-6 1e-6"/>
+  </body></body></worldbody></mujoco>"""
+
+
+def test_several_joints_of_one_body_in_a_new_file(tmp_path: Path, exact_log: Callable[..., Log]) -> None:
+    """An MJCF has them in one body again, a URDF links of next to no mass; MuJoCo has the torques of the source."""
+    mujoco = pytest.importorskip("mujoco")
+    path = given(tmp_path, SHARED)
+    estimate = estimate_of(di.robot_of(mujoco.MjModel.from_xml_path(str(path))), exact_log, exact=True)
+    torques = []
+    for file, bodies in ((path, 3), (tmp_path / "new.xml", 3), (tmp_path / "new.urdf", 6)):
+        if file != path:
+            found = export_model(estimate, "mjcf" if file.suffix == ".xml" else "urdf", file)
+            assert any("arm before pitch, fore before elbow, fore before roll" in note for note in found.notes)
+            assert all(proof.relative is None or proof.relative < 1e-9 for proof in found.proofs)
+        model = mujoco.MjModel.from_xml_path(str(file))
+        assert model.nbody == bodies
+        assert tuple(model.joint(k).name for k in range(5)) == estimate.model.robot.joint_names
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_DAMPER)
+        model.dof_armature[:] = 0.0
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:], data.qacc[:] = [0.3, 0.7, 0.1, -0.4, 1.1], [1, 2, 3, 4, 5], 2.0
+        mujoco.mj_inverse(model, data)
+        torques.append(data.qfrc_inverse.copy())
+    np.testing.assert_allclose(torques[1:], [torques[0]] * 2, rtol=1e-9)
 
 
 def test_a_joint_that_follows_has_the_friction_of_its_leader(tmp_path: Path) -> None:

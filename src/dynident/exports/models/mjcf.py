@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 from xml.sax.saxutils import quoteattr
@@ -24,6 +24,8 @@ from dynident.exports.models.writing.xml_text import checked_names, number, numb
 from dynident.model.parameters import to_mujoco_fullinertia
 from dynident.model.robot import Joint, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed
+from dynident.robot_files.tree import some
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,8 @@ class Mjcf(ModelExporter):
             *anew_note(subject.source, subject.estimate, "MJCF"),
             "shapes are drawn and do not touch; meshes are left out",
         ]
+        if links := [subject.model.robot.links[i].name for i in sorted(subject.between)]:
+            notes.append(f"no body is written for {some(links)}, of next to no mass: the joints are of one body")
         if any(joint.mimic is not None for joint in subject.model.robot.joints):
             notes.append("joints that follow another are held to it by a soft equality constraint of MuJoCo")
         if drives.dry.any():
@@ -80,6 +84,8 @@ class Mjcf(ModelExporter):
             yield Reloaded("Pinocchio", why_not="not installed")
         elif not drives.alone.all():
             yield Reloaded(name, why_not="it does not read the tendons of drives that turn several joints")
+        elif subject.between:
+            yield Reloaded(name, why_not="it makes one joint of those of one body")
         elif sum(joint.parent < 0 for joint in subject.model.robot.joints) > 1:
             yield Reloaded(name, why_not="it reads only the first of several bodies on the base")
         else:
@@ -118,23 +124,33 @@ class Mjcf(ModelExporter):
 
 
 def _bodies(subject: Identified, values: tuple[Array, Array, Array], parent: int, indent: str) -> Iterator[str]:
-    """Yield the bodies on a link, and all on them."""
+    """Yield the bodies on a link, and all on them; joints with next to no mass between them are of one body."""
     robot = subject.model.robot
-    for i, (link, joint) in enumerate(zip(robot.links, robot.joints, strict=True)):
-        if joint.parent != parent:
+    for first, carried in enumerate(robot.joints):
+        if carried.parent != parent:
             continue
-        body, inner = subject.bodies[i], indent + "  "
-        yield f"{indent}<body name={quoteattr(link.name)} {pose(joint.rotation, joint.translation)}>"
+        joints = [first]
+        while joints[-1] in subject.between:
+            joints.append(next(k for k, joint in enumerate(robot.joints) if joint.parent == joints[-1]))
+        i, placed_joints = joints[-1], list[tuple[Joint, Array]]()
+        at: Pose = IDENTITY  # the body in the frame of a joint, from the last one up
+        for joint in (robot.joints[k] for k in reversed(joints)):
+            moved = joint if joint is robot.joints[i] else replace(joint, axis=at[0].T @ joint.axis)
+            placed_joints.insert(0, (moved, -at[0].T @ at[1]))
+            at = placed((joint.rotation, joint.translation), at)
+        link, body, inner = robot.links[i], subject.bodies[i], indent + "  "
+        yield f"{indent}<body name={quoteattr(link.name)} {pose(*at)}>"
         full = to_mujoco_fullinertia(np.array([body.about_centre[a] for a in _SIX]))
         yield (
             f'{inner}<inertial pos="{numbers(body.centre_of_mass)}" mass="{number(body.mass)}" '
             f'fullinertia="{numbers(full)}"/>'
         )
-        own = (0.0, 0.0, 0.0)
-        if joint.mimic is None:
-            column = robot.joint_names.index(joint.name)
-            own = (float(values[0][column]), float(values[1][column]), float(values[2][column]))
-        yield inner + joint_line(joint, *own)
+        for joint, anchor in placed_joints:
+            own = [0.0, 0.0, 0.0]
+            if joint.mimic is None:
+                column = robot.joint_names.index(joint.name)
+                own = [float(value[column]) for value in values]
+            yield inner + joint_line(joint, anchor, own)
         yield from geoms(link.shapes, inner)
         yield from sites(robot, i, inner)
         yield from _bodies(subject, values, i, inner)
@@ -193,14 +209,15 @@ def pose(rotation: Array, translation: Array) -> str:
     return f'pos="{numbers(translation)}" quat="{numbers(quaternion(rotation))}"'
 
 
-def joint_line(joint: Joint, armature: float, damping: float, dry: float) -> str:
-    """Return the element of a joint; a range is written where both ends are known."""
+def joint_line(joint: Joint, anchor: Array, values: Sequence[float]) -> str:
+    """Return the element of a joint with armature, damping, dry friction; a range where both ends are known."""
     kind = "hinge" if joint.kind == "revolute" else "slide"
     lower, upper = joint.limits.lower, joint.limits.upper
     bound = f' range="{number(lower)} {number(upper)}"' if np.isfinite([lower, upper]).all() and lower < upper else ""
-    values = (("armature", armature), ("damping", damping), ("frictionloss", dry))
-    text = "".join(f' {name}="{number(value)}"' for name, value in values if value)
-    return f'<joint name={quoteattr(joint.name)} type="{kind}" axis="{numbers(joint.axis)}"{bound}{text}/>'
+    named = zip(("armature", "damping", "frictionloss"), values, strict=True)
+    text = "".join(f' {name}="{number(value)}"' for name, value in named if value)
+    place = f' pos="{numbers(anchor)}"' if anchor.any() else ""
+    return f'<joint name={quoteattr(joint.name)} type="{kind}"{place} axis="{numbers(joint.axis)}"{bound}{text}/>'
 
 
 def geoms(shapes: Sequence[Shape], indent: str) -> Iterator[str]:

@@ -16,6 +16,7 @@ from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
 from dynident.exports.models.writing.sdf_own import patched_sdf
 from dynident.exports.models.writing.sdf_text import base_note, sdf_text
+from dynident.exports.models.writing.urdf import between_note
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Sdf(ModelExporter):
             "gravity is that of the world, not of the model; the base link is free until the world holds it",
             "Gazebo passes over Drake's rotor inertia, Drake over friction; meshes are left out",
         ]
-        notes += base_note(subject)
+        notes += [*base_note(subject), *between_note(subject, "SDF")]
         if any(joint.mimic is not None for joint in subject.model.robot.joints):
             notes.append("joints that follow another move freely: SDF 1.7 cannot say that they follow")
         left = left_out(drives, armature=True, coupled=False)

@@ -17,6 +17,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.inertia import Inertia
+from dynident.robot_files.tree import weightless
 
 #: Largest change of a base parameter, as a share of its terms, with which projected parameters are still the same.
 SAME = 1e-9
@@ -51,6 +52,20 @@ class Identified:
     def bodies(self) -> tuple[Inertia, ...]:
         """The inertia of each link about its frame, l of them."""
         return tuple(Inertia.from_vector(self.theta[10 * i : 10 * i + 10]) for i in range(len(self.model.robot.links)))
+
+    @cached_property
+    def between(self) -> frozenset[int]:
+        """The links of next to no mass, shape and frame that only carry the next joint: both are of one body."""
+        robot = self.model.robot
+        names = [link.name for link in robot.links]
+        light = weightless(dict(zip(names, self.bodies, strict=True)))
+        held = [joint.parent for joint in robot.joints]
+        marked = {frame.link for frame in robot.frames.values()}
+        return frozenset(
+            i
+            for i, link in enumerate(robot.links)
+            if link.name in light and held.count(i) == 1 and i not in marked and not link.shapes and not link.visuals
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:

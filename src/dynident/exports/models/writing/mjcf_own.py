@@ -34,7 +34,7 @@ from dynident.model.parameters import to_mujoco_fullinertia
 from dynident.robot_files.mjcf.bodies import BodySource
 from dynident.robot_files.mjcf.model import MjcfModel, read_mjcf_model
 from dynident.robot_files.mjcf.poses import ORIENTATIONS
-from dynident.robot_files.tree import some
+from dynident.robot_files.tree import some, weightless
 from dynident.robot_files.xml_elements import Element
 
 _SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -71,9 +71,6 @@ class PatchedMjcf:
     tags: Mapping[str, tuple[float, float | None, float | None]]
     notes: tuple[str, ...]
 
-
-#: Largest number of an inertia that is none, as a share of the largest of all bodies.
-_NEXT_TO_NONE = 1e-10
 
 #: What MuJoCo needs of a body that only carries another one.
 _BETWEEN = 'the first with <inertial pos="0 0 0" mass="1e-6" diaginertia="1e-9 1e-9 1e-9"/>'
@@ -123,13 +120,13 @@ def _bodies(model: MjcfModel, new: Mapping[str, Inertia | None]) -> dict[str, In
     Raises:
         DescriptionError: A body between two joints of one body has an inertia that counts, which MJCF cannot say.
     """
-    largest = max((np.abs(body.vector).max() for body in new.values() if body is not None), default=0.0)
+    light = weightless(new)
     pinned = model.tree.bodies if model.document.compiler.changes_inertia else {}
     found: dict[str, Inertia | None] = {}
     for name, body in {**pinned, **new}.items():
         if name in model.tree.sources:
             found[name] = body
-        elif name in new and body is not None and np.abs(body.vector).max() > _NEXT_TO_NONE * largest:
+        elif name in new and body is not None and name not in light:
             evidence = "the model has an inertia between two joints of one body, which MJCF cannot say"
             step = f"identify with --estimator consistent, which keeps it 0, or write a body for each joint, {_BETWEEN}"
             raise DescriptionError(model.document.path, f"body '{name}'", evidence, step)

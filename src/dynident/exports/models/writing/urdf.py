@@ -29,6 +29,10 @@ from dynident.model.inertia import Inertia
 from dynident.model.robot import Joint, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from dynident.robot_files.formats.urdf import read_urdf_bodies
+from dynident.robot_files.tree import some
+
+#: A link between two joints of one body: twice the least mass in kg and moment in kg m^2 of a URDF that MuJoCo takes.
+LEAST_MASS, LEAST_MOMENT = 2e-15, 2e-14
 
 
 def written_urdf(subject: Identified, drives: Drives, lump: bool) -> tuple[bytes, tuple[str, ...]]:
@@ -44,7 +48,16 @@ def written_urdf(subject: Identified, drives: Drives, lump: bool) -> tuple[bytes
         return found.data, ((source.note,) if source.note else ()) + found.notes
     other = "the robot model is no URDF: the URDF is new, without meshes"
     note = anew_note(subject.source, subject.estimate, "URDF") or (other,)
-    return new_urdf(subject, drives), note
+    return new_urdf(subject, drives), (*note, *between_note(subject, "URDF"))
+
+
+def between_note(subject: Identified, noun: str) -> list[str]:
+    """Return what is to be said about links between two joints of one body in a format that has none of these."""
+    links = [subject.model.robot.links[i].name for i in sorted(subject.between)]
+    if not links:
+        return []
+    told = f"of next to no mass, between joints of one body, for which {noun} has no other way"
+    return [f"{some(links)}: {told}; MuJoCo and Pinocchio take such links, other simulators may want more mass"]
 
 
 @dataclass(frozen=True)
@@ -166,7 +179,12 @@ def new_urdf(subject: Identified, drives: Drives) -> bytes:
     tags = joint_tags(subject, drives)
     for i, (link, joint) in enumerate(zip(robot.links, robot.joints, strict=True)):
         lines += [f"  <link name={quoteattr(link.name)}>", "    <inertial>"]
-        lines += [f"      {tag}" for tag in inertia_tags(subject.bodies[i])]
+        body = subject.bodies[i]
+        if i in subject.between:
+            lines += ["      <!-- next to no mass: it only carries the next joint -->"]
+            mass, tensor = max(body.mass, LEAST_MASS), body.about_centre + LEAST_MOMENT * np.eye(3)
+            body = Inertia.from_centre_of_mass(mass, body.centre_of_mass, tensor)
+        lines += [f"      {tag}" for tag in inertia_tags(body)]
         lines += ["    </inertial>", *_shapes(link.shapes), "  </link>"]
         lines += _joint(robot, joint, links[joint.parent + 1], links[i + 1], tags.get(joint.name, (0.0, 0.0)))
     lines += _frames(robot, links)
