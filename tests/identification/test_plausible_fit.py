@@ -30,7 +30,7 @@ from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.method_run import recorded_run
 from dynident.identification.problem.problem import Problem
-from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
+from dynident.model.body_constraints import BodyConstraints, BoundingBox, Constraints, ValueRange
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.inertia import Inertia
@@ -236,6 +236,35 @@ def test_a_size_that_nobody_states_gives_way_to_data(spatial_3r: Robot, exact_lo
     again = plausible_fit(problem, weights_of(problem), 0.01, 1e-8, found.facts)  # as for a part of the logs
     np.testing.assert_allclose(again.fit.theta, found.fit.theta, rtol=1e-4, atol=1e-6)
     assert again.facts.contradicted == found.facts.contradicted
+
+
+def test_shapes_far_smaller_than_their_bodies_give_way_to_data(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """Balls of 30 mm about centres that are right, and inertias a twentieth of the true ones: no mass grows instead.
+
+    A size that the user states as small is named, and kept.
+    """
+    links = []
+    for link in spatial_3r.links:
+        assert link.inertia is not None
+        mass, centre = link.inertia.mass, link.inertia.centre_of_mass
+        small = Inertia.from_centre_of_mass(mass, centre, link.inertia.about_centre / 20)
+        links.append(replace(link, inertia=small, shapes=(Sphere(0.03, centre),)))
+    nominal = replace(spatial_3r, links=tuple(links))
+    problem, truth = problem_of(spatial_3r, exact_log, nominal)
+    found = plausible_fit(problem, weights_of(problem), 0.01, 1e-8)
+    contradicted = {(one.name, one.bound) for one in found.facts.contradicted if one.is_relaxed}
+    assert contradicted and {bound for _, bound in contradicted} == {"size"}
+    masses = found.fit.theta[9:30:10] / truth[9:30:10]
+    assert np.all(masses > 1 / 3.01) and np.all(masses < 3.01)
+    boxes = {
+        link.name: BodyConstraints(body_box=BoundingBox(shape.centre - 0.03, shape.centre + 0.03))
+        for link in links
+        if isinstance(shape := link.shapes[0], Sphere)
+    }
+    known = replace(problem, constraints=Constraints(boxes))
+    kept = plausible_fit(known, weights_of(problem), 0.01, 1e-8).facts.contradicted
+    assert ("size", False) in {(one.bound, one.is_relaxed) for one in kept}
+    assert {one.is_relaxed for one in kept if one.bound == "size"} == {False}
 
 
 def test_a_body_that_does_not_fit_becomes_the_nearest_one_that_does(spatial_3r: Robot, exact_log: MakeLog) -> None:

@@ -311,13 +311,9 @@ def _mended(program: Program, phi: Array) -> Array | None:
     rules = program.conditions
     for share in (0.0, *np.geomspace(1e-9, 1e-3, 7)):
         moved = _clipped(rules, (1 - share) * phi + share * program.start)
-        if rules.shortfall(moved) <= MISSED and np.min(_smallest(program, moved), initial=1.0) > 0.0:
+        if rules.shortfall(moved) <= MISSED and np.min(np.linalg.eigvalsh(program.inertias(moved)), initial=1.0) > 0.0:
             return moved
     return None
-
-
-def _smallest(program: Program, phi: Array) -> Array:
-    return np.linalg.eigvalsh(program.inertias(phi))[:, 0] if program.links else np.ones(0)
 
 
 def _clipped(rules: Conditions, phi: Array) -> Array:

@@ -20,10 +20,10 @@ residuals would widen the region by their correlation factor: counted so, the ru
 A possible nominal body that reaches beyond the shapes of its link is within its size: neither is proof against the
 other. One that does not meet the bounds of its link is replaced by the nearest one of its mass that does.
 
-A bound that nobody stated, a mass range or the size of a link without shapes, is contradicted where the cost without it
-is lower by more than a quantile of chi-square at 5 % over all such bounds (Bonferroni), the cost of each joint over its
-correlation factor; with one degree of freedom for a mass and ten, the parameters of a link, for a size. A size that the
-link's own nominal body breaks is tested as well, and widened to hold that body where it is contradicted.
+A mass range or a size is contradicted where the cost without it is lower by more than a quantile of chi-square at 5 %
+over all of them (Bonferroni), the cost of each joint over its correlation factor; with one degree of freedom for a mass
+and ten, the parameters of a link, for a size. What the user states is named and kept. A size that the link's own
+nominal body breaks is widened to hold that body where it is contradicted.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ from dynident.identification.problem.prior import BodyPrior, Scale
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.covariance import correlation_of
 from dynident.identification.residuals.quantiles import chi_square_quantile
-from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
+from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange, box_quadrics
 from dynident.model.inertia import PSEUDO_BASIS
-from dynident.model.plausible import outgrown, plausible_constraints, shape_points, uniform_body, wider_bounds
+from dynident.model.plausible import outgrown, plausible_constraints, uniform_body, wider_bounds
 from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
 
@@ -282,12 +282,14 @@ def _contradicted(
     """Return the contradicted bounds, the bounds without those to relax, and the answer within them.
 
     Forward selection: the bound whose statistic is furthest above its limit goes first, while that is significant. One
-    that no longer matters once others are gone comes back. Sizes that the nominal body itself does not fit are tested
-    before all others: a nominal mass is always in its range, so no range gives way for them.
+    that no longer matters once others are gone comes back, as does a stated one once all are tested. Sizes that the
+    nominal body itself does not fit are tested before all others: a nominal mass is always in its range, so no range
+    gives way for them.
     """
     problem, start = setting.problem, bounds
-    stated, doubtful = _ranges(problem.constraints), [(name, "size") for name in setting.wider]
-    others = [key for key in _tested(bounds, problem) if key not in doubtful]
+    stated, doubtful = _stated(problem), [(name, "size") for name in setting.wider]
+    tested = [(name, "mass") for name in _ranges(bounds)] + [(name, "size") for name in bounds.links]
+    others = [key for key in tested if key not in doubtful]
     active = _at_bound(setting, bounds, doubtful + others, inner)
     if not active:
         return (), bounds, inner
@@ -310,16 +312,19 @@ def _contradicted(
             if statistics[key] <= limits[bound]:
                 break
             gain = 1.0 - float(np.sqrt(1.0 - np.sum(each[key][0]) / np.sum(setting.costs(inner))))
-            is_relaxed = bound == "size" or name not in stated
+            is_relaxed = key not in stated or key in doubtful
             found[key] = ContradictedBound(name, bound, statistics[key], limits[bound], gain, is_relaxed)
-            if is_relaxed:
-                bounds, inner = _without(bounds, [key], setting.wider), each[key][1]
-    for key in [key for key in list(found)[:-1] if found[key].is_relaxed]:
-        kept = [other for other in found if found[other].is_relaxed and other != key]
-        falls, answer = setting.falls(start, kept, inner)
+            bounds, inner = _without(bounds, [key], setting.wider), each[key][1]
+    for key in list(found)[:-1]:
+        others = [other for other in found if other != key]
+        falls, answer = setting.falls(start, others, inner)
         if -np.sum(falls / factors) <= found[key].limit:
-            bounds, inner = _without(start, kept, setting.wider), answer
+            bounds, inner = _without(start, others, setting.wider), answer
             del found[key]
+    relaxed = [key for key, one in found.items() if one.is_relaxed]
+    if len(relaxed) < len(found):
+        bounds = _without(start, relaxed, setting.wider)
+        inner = setting.within(bounds)
     return tuple(found.values()), bounds, inner
 
 
@@ -329,12 +334,11 @@ def _ranges(bounds: Constraints) -> dict[str, ValueRange]:
     return {name: range for name, range in found.items() if range != ValueRange()}
 
 
-def _tested(bounds: Constraints, problem: Problem) -> list[tuple[str, str]]:
-    """Return the bounds that data may contradict: masses, and sizes that neither shapes nor the user state."""
-    stated = problem.constraints.links
-    own = {name for name, body in stated.items() if body.body_ellipsoid is not None or body.body_box is not None}
-    sizes = [link.name for link in problem.model.robot.links if not len(shape_points(link)) and link.name not in own]
-    return [(name, "mass") for name in _ranges(bounds)] + [(name, "size") for name in sizes]
+def _stated(problem: Problem) -> set[tuple[str, str]]:
+    """Return the masses and sizes that the user states: they are kept."""
+    found = {(name, "mass") for name in _ranges(problem.constraints)}
+    sizes = {name: (body.body_ellipsoid, body.body_box) for name, body in problem.constraints.links.items()}
+    return found | {(name, "size") for name, size in sizes.items() if any(part is not None for part in size)}
 
 
 def _without(bounds: Constraints, keys: Iterable[tuple[str, str]], wider: Mapping[str, BodyConstraints]) -> Constraints:
@@ -349,7 +353,7 @@ def _without(bounds: Constraints, keys: Iterable[tuple[str, str]], wider: Mappin
             size, thickness = wider[name].body_ellipsoid, wider[name].thickness
             links[name] = replace(links[name], body_ellipsoid=size, thickness=thickness)
         else:
-            links[name] = replace(links[name], body_ellipsoid=None, reach=0.0)
+            links[name] = replace(links[name], body_ellipsoid=None, body_box=None, reach=0.0)
     return replace(bounds, links=links, total_mass=total)
 
 
@@ -376,8 +380,7 @@ def _at_bound(
 
 def _room(known: BodyConstraints, body: Array) -> float:
     """Return the least of tr(P Q) over the conditions of a link's size; infinite where it has none."""
-    space = known.body_ellipsoid
-    if space is None:
-        return np.inf
-    quadrics = [space.quadric[None], *([space.slabs(known.reach)] if known.reach else [])]
-    return float(np.min(np.einsum("kij,lij,k->l", PSEUDO_BASIS, np.concatenate(quadrics), body)))
+    space, box = known.body_ellipsoid, known.body_box
+    quadrics = [space.quadric[None], *([space.slabs(known.reach)] if known.reach else [])] if space else []
+    quadrics += [box_quadrics(box)] if box else []
+    return min((float(np.min(np.einsum("kij,lij,k->l", PSEUDO_BASIS, one, body))) for one in quadrics), default=np.inf)

@@ -17,7 +17,7 @@ class ContradictedBound:
 
     Attributes:
         name: The link, or :data:`TOTAL_MASS`.
-        bound: `mass`, or `size`: of a link without shapes, or of one whose nominal body breaks its bounds.
+        bound: `mass` or `size`.
         statistic: Fall of the weighted residual square without the bound, each joint's over its correlation factor.
         limit: Quantile of chi-square that it exceeds, with one degree of freedom, ten for a size.
         gain: Relative fall of the weighted residual of the training samples without the bound.
