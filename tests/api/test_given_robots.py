@@ -68,7 +68,7 @@ def test_a_model_of_mujoco_has_its_torques() -> None:
     robot = di.robot_of(model)
     assert robot.joint_names == ("shoulder", "lift", "elbow", "grip", "other") and robot.name == "tree"
     q, dq, ddq = states(5)
-    np.testing.assert_allclose(torques(robot, q, dq, ddq), mujoco_torques(model, q, dq, ddq), atol=1e-9)
+    np.testing.assert_allclose(torques(robot, q, dq, ddq), mujoco_torques(model, q, dq, ddq), rtol=0.0, atol=1e-9)
     shoulder = robot.joints[0]
     assert (shoulder.limits.lower, shoulder.limits.upper, shoulder.limits.effort) == (-2.0, 2.0, 40.0)
     assert (shoulder.friction, shoulder.damping) == (1.5, 0.6)
@@ -87,7 +87,7 @@ def test_actuators_of_mujoco_give_a_joint_inertia_damping_and_a_limit(tmp_path: 
     q, dq, ddq = states(5)
     expected = mujoco_torques(model, q, dq, ddq)
     for robot in (di.robot_of(model), di.robot_of(str(path))):
-        np.testing.assert_allclose(torques(robot, q, dq, ddq), expected, atol=1e-9)
+        np.testing.assert_allclose(torques(robot, q, dq, ddq), expected, rtol=0.0, atol=1e-9)
         assert robot.joints[1].limits.effort == pytest.approx(50 * 0.5 + 4 * 3)
         assert robot.joints[2].limits.effort == np.inf and robot.joints[0].limits.effort == 40.0
 
@@ -102,7 +102,7 @@ def test_a_joint_follows_as_an_equality_says() -> None:
     whole[0][:, 4] += 0.02  # 0.01 of its reference, 0.01 of the constraint
     expected = mujoco_torques(model, *whole)
     expected[:, 3] += 0.8 * expected[:, 4]
-    np.testing.assert_allclose(torques(robot, q, dq, ddq), expected[:, :4], atol=1e-9)
+    np.testing.assert_allclose(torques(robot, q, dq, ddq), expected[:, :4], rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -167,7 +167,7 @@ def test_a_model_of_pinocchio_has_its_torques() -> None:
             )
         velocity[place], acceleration[place] = dq[row], ddq[row]
         expected[row] = (pin.rnea(model, data, at, velocity, acceleration) + model.damping * velocity)[place]
-    np.testing.assert_allclose(torques(robot, q, dq, ddq), expected, atol=1e-9)
+    np.testing.assert_allclose(torques(robot, q, dq, ddq), expected, rtol=0.0, atol=1e-9)
 
 
 def test_a_joint_of_pinocchio_follows_another() -> None:
@@ -182,7 +182,7 @@ def test_a_joint_of_pinocchio_follows_another() -> None:
     q, dq, ddq = states(2)
     data = model.createData()
     expected = [pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq, strict=True)]
-    np.testing.assert_allclose(torques(robot, q, dq, ddq), expected, atol=1e-9)
+    np.testing.assert_allclose(torques(robot, q, dq, ddq), expected, rtol=0.0, atol=1e-9)
 
 
 def test_a_model_of_pinocchio_with_one_joint() -> None:
@@ -193,7 +193,7 @@ def test_a_model_of_pinocchio_with_one_joint() -> None:
     q, dq, ddq = states(1)
     data = model.createData()
     expected = [pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq, strict=True)]
-    np.testing.assert_allclose(torques(di.robot_of(model), q, dq, ddq), expected, atol=1e-9)
+    np.testing.assert_allclose(torques(di.robot_of(model), q, dq, ddq), expected, rtol=0.0, atol=1e-9)
 
 
 def test_models_of_pinocchio_that_are_no_arm() -> None:
@@ -237,12 +237,12 @@ def test_an_estimate_as_a_model_of_pinocchio(estimate: di.Estimate) -> None:
     q, _, _ = states(2)
     for at, mass, gravity in zip(q, estimate.mass_matrix(q), estimate.gravity(q), strict=True):
         found = pin.crba(model, data, at)
-        np.testing.assert_allclose(np.triu(found) + np.triu(found, 1).T, mass, atol=1e-9)
-        np.testing.assert_allclose(pin.computeGeneralizedGravity(model, data, at), gravity, atol=1e-9)
+        np.testing.assert_allclose(np.triu(found) + np.triu(found, 1).T, mass, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(pin.computeGeneralizedGravity(model, data, at), gravity, rtol=0.0, atol=1e-9)
     frame = estimate.to_frame()["value"]
     np.testing.assert_allclose(model.damping, [frame["Fv[joint1]"], frame["Fv[joint2]"]])
     again = di.DynamicModel(di.robot_of(model), ["viscous"])
-    np.testing.assert_allclose(again.mass_matrix(q), estimate.mass_matrix(q), atol=1e-9)
+    np.testing.assert_allclose(again.mass_matrix(q), estimate.mass_matrix(q), rtol=0.0, atol=1e-9)
 
 
 def test_an_estimate_as_a_spec_of_mujoco(estimate: di.Estimate) -> None:
@@ -255,10 +255,10 @@ def test_an_estimate_as_a_spec_of_mujoco(estimate: di.Estimate) -> None:
     still = np.zeros_like(q)
     smooth = estimate.predict(q, dq, ddq) - estimate.predict(q, dq, still)  # no sign of a speed is left
     found = mujoco_torques(model, q, dq, ddq) - mujoco_torques(model, q, dq, still)
-    np.testing.assert_allclose(found, smooth, atol=1e-9)
-    np.testing.assert_allclose(mujoco_torques(model, q, still, still), estimate.gravity(q), atol=1e-9)
+    np.testing.assert_allclose(found, smooth, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(mujoco_torques(model, q, still, still), estimate.gravity(q), rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(model.dof_frictionloss, dry)
-    np.testing.assert_allclose(di.DynamicModel(di.robot_of(spec)).gravity(q), estimate.gravity(q), atol=1e-9)
+    np.testing.assert_allclose(di.DynamicModel(di.robot_of(spec)).gravity(q), estimate.gravity(q), rtol=0.0, atol=1e-9)
 
 
 def test_verbs_take_them(estimate: di.Estimate, exact_log: Callable[..., di.Log], planar_2r: di.Robot) -> None:

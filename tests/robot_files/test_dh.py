@@ -116,7 +116,9 @@ def table_poses(convention: str, q: Array) -> list[Array]:
 @given(a=small, alpha=small, d=small, theta=small)
 @settings(max_examples=50, deadline=None)
 def test_one_row_of_each_convention(a: float, alpha: float, d: float, theta: float) -> None:
-    np.testing.assert_allclose(homogeneous(*standard_pose(a, alpha, d, theta)), distal(a, alpha, d, theta), atol=1e-14)
+    np.testing.assert_allclose(
+        homogeneous(*standard_pose(a, alpha, d, theta)), distal(a, alpha, d, theta), rtol=0.0, atol=1e-14
+    )
     np.testing.assert_allclose(
         homogeneous(*modified_pose(a, alpha, d, theta)), proximal(a, alpha, d, theta), atol=1e-14
     )
@@ -127,7 +129,7 @@ def test_one_row_of_each_convention(a: float, alpha: float, d: float, theta: flo
 def test_modified_link_frames_are_the_dh_frames(q: tuple[float, float, float]) -> None:
     robot = read("modified")
     for ours, theirs in zip(link_poses(robot, np.array(q)), table_poses("modified", np.array(q)), strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-14)
+        np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-14)
 
 
 @given(q=st.tuples(small, small, small))
@@ -136,14 +138,14 @@ def test_standard_dh_frames_are_kept_on_their_links(q: tuple[float, float, float
     robot = read("standard")
     names = ("arm_one_dh", "link2_dh", "link3_dh")
     for name, theirs in zip(names, table_poses("standard", np.array(q)), strict=True):
-        np.testing.assert_allclose(frame_pose(robot, name, np.array(q)), theirs, atol=1e-14)
+        np.testing.assert_allclose(frame_pose(robot, name, np.array(q)), theirs, rtol=0.0, atol=1e-14)
 
 
 def test_standard_link_frames_stand_on_their_joint_axes() -> None:
     robot = read("standard")
     still = [np.eye(4), *table_poses("standard", np.zeros(3))[:2]]
     for pose, before, joint in zip(link_poses(robot, np.zeros(3)), still, robot.joints, strict=True):
-        np.testing.assert_allclose(pose, before, atol=1e-15)
+        np.testing.assert_allclose(pose, before, rtol=0.0, atol=1e-15)
         assert joint.axis.tolist() == [0, 0, 1]
 
 
@@ -154,7 +156,9 @@ def test_tool_stands_in_the_last_dh_frame(convention: str) -> None:
     end = table_poses(convention, q)[-1]
     yaw, pitch, roll = turn("z", 0.3), np.eye(4), turn("x", 0.1)
     pitch[:3, :3] = [[math.cos(0.2), 0, math.sin(0.2)], [0, 1, 0], [-math.sin(0.2), 0, math.cos(0.2)]]
-    np.testing.assert_allclose(frame_pose(robot, "gripper", q), end @ shift("z", 0.1) @ yaw @ pitch @ roll, atol=1e-14)
+    np.testing.assert_allclose(
+        frame_pose(robot, "gripper", q), end @ shift("z", 0.1) @ yaw @ pitch @ roll, rtol=0.0, atol=1e-14
+    )
 
 
 def test_tool_without_one() -> None:
@@ -173,10 +177,10 @@ def test_inertia_is_carried_from_the_dh_frame_to_the_link_frame(convention: str)
     turned = here[0][:3, :3]
     about = np.array([[0.5, 0.01, -0.02], [0.01, 0.6, 0.03], [-0.02, 0.03, 0.7]])
     np.testing.assert_allclose(first.mass, 2.0, rtol=1e-15)
-    np.testing.assert_allclose(first.centre_of_mass, centre[:3], atol=1e-14)
-    np.testing.assert_allclose(first.about_centre, turned @ about @ turned.T, atol=1e-14)
+    np.testing.assert_allclose(first.centre_of_mass, centre[:3], rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(first.about_centre, turned @ about @ turned.T, rtol=0.0, atol=1e-14)
     ten = Inertia.from_vector([1, 2, 3, 4, 5, 6, 7, 8, 9, -10]).pseudo
-    np.testing.assert_allclose(second.pseudo, here[1] @ ten @ here[1].T, atol=1e-12)
+    np.testing.assert_allclose(second.pseudo, here[1] @ ten @ here[1].T, rtol=0.0, atol=1e-12)
 
 
 def test_every_key_arrives() -> None:
@@ -215,7 +219,9 @@ def test_one_arm_in_both_conventions_moves_alike() -> None:
     )
     q = np.array([0.7, -0.9, 1.2])
     end = frame_pose(one, "link3_dh", q)
-    np.testing.assert_allclose(end, link_poses(other, q)[-1] @ shift("x", a[2]) @ turn("x", alpha[2]), atol=1e-14)
+    np.testing.assert_allclose(
+        end, link_poses(other, q)[-1] @ shift("x", a[2]) @ turn("x", alpha[2]), rtol=0.0, atol=1e-14
+    )
 
 
 EXPRESSIONS: Mapping[str, float] = {

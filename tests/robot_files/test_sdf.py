@@ -134,7 +134,7 @@ def test_the_regressor_is_that_of_a_urdf_of_the_same_robot() -> None:
         DynamicModel(one).regressor(*states), DynamicModel(other).regressor(*states), rtol=0, atol=1e-12
     )
     assert one.links[0].inertia is not None and other.links[0].inertia is not None
-    np.testing.assert_allclose(one.links[0].inertia.vector, other.links[0].inertia.vector, atol=1e-14)
+    np.testing.assert_allclose(one.links[0].inertia.vector, other.links[0].inertia.vector, rtol=0.0, atol=1e-14)
 
 
 def test_limits_frames_and_meshes_are_read(tmp_path: Path) -> None:
@@ -232,7 +232,7 @@ def test_an_incomplete_inertial_is_unknown_and_named(part: str) -> None:
     subject = Identified(cast(Any, estimate), 1.2 * nominal, OWN, source)
     patched = patched_sdf(subject, drives_of(subject), source, lump=False)
     again = DynamicModel(SdfFile().read("arm.sdf", patched.data)).nominal()
-    np.testing.assert_allclose(cast(Any, again), 1.2 * nominal, atol=1e-12)
+    np.testing.assert_allclose(cast(Any, again), 1.2 * nominal, rtol=0.0, atol=1e-12)
 
 
 def test_gravity_that_links_are_without() -> None:
@@ -254,15 +254,15 @@ def test_the_pose_of_a_model_is_that_of_its_placement_frame() -> None:
         text = ARM.replace('<model name="arm">', f'<model name="arm" placement_frame="{name}">', 1)
         base = place * frame.inverse()  # the link base stands at the frame of the model
         expected = base.rotation.T @ [0.0, 0.0, -9.81]
-        np.testing.assert_allclose(SdfFile().read("arm.sdf", text.encode()).gravity, expected, atol=1e-12)
+        np.testing.assert_allclose(SdfFile().read("arm.sdf", text.encode()).gravity, expected, rtol=0.0, atol=1e-12)
         fixed = text.replace(
             '<link name="base"/>', '<link name="base"/><joint name="h" type="fixed"><parent>world</parent>'
             "<child>base</child></joint>",
         )  # fmt: skip
         robot = SdfFile().read("arm.sdf", fixed.encode())
-        np.testing.assert_allclose(robot.gravity, [0.0, 0.0, -9.81], atol=1e-12)
-        np.testing.assert_allclose(robot.frames["base"].rotation, base.rotation, atol=1e-12)
-        np.testing.assert_allclose(robot.frames["base"].translation, base.translation, atol=1e-12)
+        np.testing.assert_allclose(robot.gravity, [0.0, 0.0, -9.81], rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(robot.frames["base"].rotation, base.rotation, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(robot.frames["base"].translation, base.translation, rtol=0.0, atol=1e-12)
 
 
 def test_what_is_not_read_may_hold_anything() -> None:

@@ -132,20 +132,20 @@ def assert_same_as_pinocchio(robot: Robot, text: str, seed: int) -> None:
     pin.forwardKinematics(model, data, configuration)
     at, _ = poses(robot, q)
     for i, pose in zip(ids, at, strict=True):
-        np.testing.assert_allclose(pose, data.oMi[i].homogeneous, atol=1e-12 * max(1.0, np.abs(pose).max()))
+        np.testing.assert_allclose(pose, data.oMi[i].homogeneous, rtol=0.0, atol=1e-12 * max(1.0, np.abs(pose).max()))
     pin.updateFramePlacements(model, data)
     for name, frame in robot.frames.items():
         carrier = np.eye(4) if frame.link < 0 else at[frame.link]
         pose = carrier[:3, :3] @ frame.rotation, carrier[:3, 3] + carrier[:3, :3] @ frame.translation
         theirs = data.oMf[model.getFrameId(name)]
-        np.testing.assert_allclose(pose[0], theirs.rotation, atol=1e-12)
-        np.testing.assert_allclose(pose[1], theirs.translation, atol=1e-11)
+        np.testing.assert_allclose(pose[0], theirs.rotation, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(pose[1], theirs.translation, rtol=0.0, atol=1e-11)
     mass, gravity = energy(robot, q)
     theirs = pin.crba(model, data, configuration, pin.Convention.LOCAL)
     theirs = np.triu(theirs) + np.triu(theirs, 1).T
-    np.testing.assert_allclose(mass, theirs[np.ix_(columns, columns)], atol=1e-11 * np.abs(theirs).max())
+    np.testing.assert_allclose(mass, theirs[np.ix_(columns, columns)], rtol=0.0, atol=1e-11 * np.abs(theirs).max())
     weight = pin.computeGeneralizedGravity(model, data, configuration)
-    np.testing.assert_allclose(gravity, weight[columns], atol=1e-11 * max(1.0, np.abs(weight).max()))
+    np.testing.assert_allclose(gravity, weight[columns], rtol=0.0, atol=1e-11 * max(1.0, np.abs(weight).max()))
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -171,14 +171,14 @@ def test_random_chain_against_mujoco(seed: int) -> None:
     for link, pose in zip(robot.links, at, strict=True):
         assert link.inertia is not None
         body = data.body(link.name)
-        np.testing.assert_allclose(pose[:3, 3], body.xpos, atol=1e-12 * max(1.0, np.abs(pose).max()))
-        np.testing.assert_allclose(pose[:3, :3], body.xmat.reshape(3, 3), atol=1e-12)
+        np.testing.assert_allclose(pose[:3, 3], body.xpos, rtol=0.0, atol=1e-12 * max(1.0, np.abs(pose).max()))
+        np.testing.assert_allclose(pose[:3, :3], body.xmat.reshape(3, 3), rtol=0.0, atol=1e-12)
         np.testing.assert_allclose(link.inertia.mass, model.body(link.name).mass[0], rtol=1e-12)
     theirs = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, theirs)
     columns = model.jnt_dofadr[ids]
     mass, _ = energy(robot, q)
-    np.testing.assert_allclose(mass, theirs[np.ix_(columns, columns)], atol=1e-9 * np.abs(theirs).max())
+    np.testing.assert_allclose(mass, theirs[np.ix_(columns, columns)], rtol=0.0, atol=1e-9 * np.abs(theirs).max())
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -227,7 +227,7 @@ def test_fixed_links_are_merged_named_and_framed() -> None:
     (link,) = robot.links
     assert (link.name, link.fixed) == ("arm", ("hand", "tip"))
     assert link.inertia is not None
-    np.testing.assert_allclose(link.inertia.vector, [1, 0, 0, 19, 0, 19, 6, 0, 0, 2], atol=1e-14)
+    np.testing.assert_allclose(link.inertia.vector, [1, 0, 0, 19, 0, 19, 6, 0, 0, 2], rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(robot.frames["tip"].translation, [3, 1, 0])
     assert robot.tool == ""
 
@@ -252,7 +252,7 @@ def test_inertial_origin_turns_the_tensor_into_link_axes() -> None:
     )
     inertia = one_joint("", link=body).links[0].inertia
     assert inertia is not None
-    np.testing.assert_allclose(np.diag(inertia.rotational), [2, 1, 2.5], atol=1e-15)
+    np.testing.assert_allclose(np.diag(inertia.rotational), [2, 1, 2.5], rtol=0.0, atol=1e-15)
 
 
 def test_joint_defaults_of_the_format() -> None:
@@ -265,7 +265,7 @@ def test_joint_defaults_of_the_format() -> None:
 
 def test_axis_is_normalised_and_a_fixed_joint_may_have_none() -> None:
     (joint,) = one_joint('<axis xyz="0 3 4"/>').joints
-    np.testing.assert_allclose(joint.axis, [0, 0.6, 0.8], atol=1e-16)
+    np.testing.assert_allclose(joint.axis, [0, 0.6, 0.8], rtol=0.0, atol=1e-16)
     robot = urdf(
         '<link name="a"/><link name="b"/><link name="c"/>'
         '<joint name="f" type="fixed"><parent link="b"/><child link="c"/><axis xyz="0 0 0"/></joint>'
@@ -314,7 +314,7 @@ def test_quaternion_origin(quaternion: str) -> None:
     sine = float(np.linalg.norm([x, y, z]))
     expected = rotation_about(np.array([x, y, z]) / sine, 2 * math.atan2(sine, w))
     (joint,) = one_joint(f'<origin quat_xyzw="{quaternion}" xyz="1 2 3"/>').joints
-    np.testing.assert_allclose(joint.rotation, expected, atol=1e-15)
+    np.testing.assert_allclose(joint.rotation, expected, rtol=0.0, atol=1e-15)
     assert joint.translation.tolist() == [1, 2, 3]
 
 

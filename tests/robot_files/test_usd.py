@@ -30,17 +30,17 @@ def compared(arm: Arm, path: Path, gravity: Any) -> di.Robot:
     """Check the torques of the robot in a stage against Pinocchio, and return the robot."""
     pin = pytest.importorskip("pinocchio")
     robot = read_robot(path)
-    np.testing.assert_allclose(robot.gravity, gravity, atol=1e-12)
+    np.testing.assert_allclose(robot.gravity, gravity, rtol=0.0, atol=1e-12)
     model, names = pinocchio_of(arm, gravity)
     data, order = model.createData(), [names.index(name) for name in robot.joint_names]
     states = np.random.default_rng(4).normal(size=(3, 10, len(names)))
     expected = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])[:, order]
     q, dq, ddq = states[:, :, order]
     size = np.abs(expected).max()
-    np.testing.assert_allclose(di.DynamicModel(robot).torque(q, dq, ddq) / size, expected / size, atol=1e-9)
+    np.testing.assert_allclose(di.DynamicModel(robot).torque(q, dq, ddq) / size, expected / size, rtol=0.0, atol=1e-9)
     regressor, theta = di.DynamicModel(robot).regressor(q, dq, ddq), robot.nominal
     assert theta is not None
-    np.testing.assert_allclose(regressor @ theta / size, expected / size, atol=1e-9)
+    np.testing.assert_allclose(regressor @ theta / size, expected / size, rtol=0.0, atol=1e-9)
     return robot
 
 
@@ -75,11 +75,13 @@ def test_a_built_in_robot_as_converters_write_it(tmp_path: Path) -> None:
     found = read_robot(tmp_path / "arm.usda")
     q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, 6))
     expected = di.DynamicModel(robot).torque(q, dq, ddq)
-    np.testing.assert_allclose(di.DynamicModel(found).torque(q, dq, ddq), expected, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        di.DynamicModel(found).torque(q, dq, ddq), expected, rtol=0.0, atol=1e-6 * np.abs(expected).max()
+    )
     assert found.frames == {}  # each body turns about the origin of its prim
     for own, other in zip(robot.joints, found.joints, strict=True):
-        np.testing.assert_allclose(own.axis, other.axis, atol=1e-7)
-        np.testing.assert_allclose(own.rotation, other.rotation, atol=1e-6)
+        np.testing.assert_allclose(own.axis, other.axis, rtol=0.0, atol=1e-7)
+        np.testing.assert_allclose(own.rotation, other.rotation, rtol=0.0, atol=1e-6)
         assert (own.limits.lower, own.limits.upper) == pytest.approx((other.limits.lower, other.limits.upper))
     assert di.base_parameters(di.DynamicModel(found)).count == di.base_parameters(di.DynamicModel(robot)).count
 
@@ -137,7 +139,7 @@ def test_what_newton_adds(stage: Any) -> None:
     inertia = robot.links[1].inertia
     assert inertia is not None
     values = inertia.about_centre
-    np.testing.assert_allclose(values[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], six, atol=1e-12)
+    np.testing.assert_allclose(values[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], six, rtol=0.0, atol=1e-12)
     second.CreateRelationship("newton:mimicJoint").SetTargets(["/arm/joints/joint1"])
     second.CreateAttribute("newton:mimicCoef0", Sdf.ValueTypeNames.Float).Set(90.0)
     second.CreateAttribute("newton:mimicCoef1", Sdf.ValueTypeNames.Float).Set(-0.5)
@@ -365,7 +367,7 @@ def test_identified_values_go_into_a_layer_over_the_stage(tmp_path: Path, monkey
     robot = read_robot("identified.usda")
     q = np.random.default_rng(2).normal(size=(20, 2))
     gravity, expected = di.DynamicModel(robot).gravity(q), estimate.gravity(q)
-    np.testing.assert_allclose(gravity, expected, atol=2e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(gravity, expected, rtol=0.0, atol=2e-6 * np.abs(expected).max())
     assert any("was identified as one body with the links fixed to it" in note for note in found.notes)
 
 

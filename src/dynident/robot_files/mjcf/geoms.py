@@ -144,7 +144,7 @@ class Meshes:
 
 def _written(values: Values) -> Array:
     """Return the triangles of a mesh whose points are written; without faces those of the convex hull."""
-    points = values.numbers("vertex", 12, 3_000_000)
+    points = values.numbers("vertex", 12, 3_000_000).astype(np.float32).astype(float)  # as MuJoCo has them
     if len(points) % 3:
         raise values.place.error(f"vertex has {len(points)} numbers", "write three a point")
     if "face" not in values:
