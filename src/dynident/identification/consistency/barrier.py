@@ -7,12 +7,13 @@ root, solved by QR: nothing is squared, so data of any condition pass.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.identification.consistency.conditions import IDENTITY_VECTOR, Conditions, stack_vectors
+from dynident.identification.consistency.certificate import deepest
+from dynident.identification.consistency.conditions import IDENTITY_VECTOR, stack_vectors
 from dynident.identification.consistency.conic import ConicCandidate
 from dynident.identification.consistency.program import Multipliers, Program, along_basis, whitened_rows
 from dynident.model.lapack import solve_upper
@@ -89,69 +90,14 @@ def solve_barrier(program: Program, start: Array, tolerance: float = TOLERANCE) 
 
 
 def inside(program: Program) -> Array | None:
-    """Return a point strictly inside all conditions, shape (p,); None where the search finds none.
-
-    Minimises (t + 1)^2 / 2 + 1e-6 |phi - prior|^2 / 2 with every slack + t > 0 by the same Newton, from a t that is
-    large enough: a point inside has t < 0.
-    """
-    rules = program.conditions
-    size = rules.size
-    start = program.start
-    if len(rules.zero):
-        start = start - np.linalg.lstsq(rules.zero, rules.equations(start))[0]
-        if np.max(np.abs(rules.equations(start))) > 1e-9 * (1 + np.max(np.abs(rules.zero_offset))):
-            return None
-    if _place(program, start) is not None:
-        return start
-    nudged = start + np.where(np.abs(rules.sign).sum(axis=0) > 0, 1e-3, 0.0) if len(rules.sign) else start
-    if not len(rules.zero) and _place(program, nudged) is not None:
-        return nudged
-    high = 1.0 + 2.0 * rules.shortfall(start)
-    lift = _lift(rules)
-    found = solve_barrier(_relaxed(program, start, lift), np.append(start + high * lift, high), 1e-6)
-    phi = found.phi[:size] - found.phi[size] * lift
-    return phi if found.phi[size] < 0 and _place(program, phi) is not None else None
-
-
-def _lift(rules: Conditions) -> Array:
-    """Return the scaled parameters that add I to the matrix of every link's cone, shape (p,)."""
-    lift = np.zeros(rules.size)
-    for i, thickness in enumerate(rules.thickness or (0.0,) * len(rules.links)):
-        lift[10 * i + np.array([0, 3, 5])] = 2.0 * (1.0 + thickness**2)
-        lift[10 * i + 9] = 1.0
-    return lift
-
-
-def _relaxed(program: Program, start: Array, lift: Array) -> Program:
-    """Return the program over (psi, t), psi = phi + lift t, whose optimum lies deepest inside.
-
-    The cones of psi are those of P_i(phi) + t I; the inequalities get + t.
-    """
-    rules, size = program.conditions, program.conditions.size
-    turn = np.hstack([np.eye(size), -lift[:, None]])
-    conditions = Conditions(
-        rules.zero @ turn,
-        rules.zero_offset,
-        rules.zero_words,
-        np.hstack([rules.sign, 1.0 - (rules.sign @ lift)[:, None]]),
-        rules.sign_offset,
-        rules.sign_words,
-        rules.links,
-        rules.margin,
-        thickness=rules.thickness,
-    )
-    depth = np.zeros((1, size + 1))
-    depth[0, size] = 1.0
-    return replace(
-        program,
-        data=depth,
-        target=np.array([-1.0]),
-        pull=1e-3 * turn,
-        pull_target=1e-3 * start,
-        weight=0.0,
-        conditions=conditions,
-        start=np.append(start, 0.0),
-    )
+    """Return a point strictly inside all conditions, shape (p,): the prior, or the deepest one; None without one."""
+    rules, start = program.conditions, program.start
+    nudged = start + 1e-3 * (np.abs(rules.sign).sum(axis=0) > 0)
+    for phi in () if len(rules.zero) else (start, nudged):
+        if _place(program, phi) is not None:
+            return phi
+    phi = deepest(rules).phi
+    return phi if _place(program, phi) is not None and np.all(np.abs(rules.equations(phi)) < 1e-7) else None
 
 
 def _place(program: Program, phi: Array) -> _Place | None:

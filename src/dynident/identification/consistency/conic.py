@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -45,31 +45,62 @@ def solve_conic(program: Program) -> ConicCandidate:
     The entropic prior becomes exponential cones: t <= log det Q where [[Q, Z], [Z', diag(Z)]] >= 0 with Z lower
     triangular and t <= sum log Z_jj (Nesterov and Nemirovski 1994, section 6.4.3).
     """
-    clarabel = _clarabel()
     size, rows = program.data.shape[1], len(program.data)
-    logs = 14 * program.links if program.weight else 0
-    gram = program.pull.T @ program.pull
-    width = size + rows + logs
-    quadratic = np.zeros((width, width))
-    quadratic[:size, :size] = np.triu(gram)
+    linear, blocks, offsets, cones = _entropy_and_conditions(program, rows)
+    quadratic = np.zeros((len(linear), len(linear)))
+    quadratic[:size, :size] = np.triu(program.pull.T @ program.pull)
     quadratic[size : size + rows, size : size + rows] = np.eye(rows)
-    linear = np.concatenate([-program.pull.T @ program.pull_target, np.zeros(rows + logs)])
-    inside, inside_offset, inside_cones = cone_rows(program.conditions)
-    blocks = [_widened(np.hstack([program.data, -np.eye(rows)]), width), _widened(inside, width)]
-    offsets, cones = [program.target, inside_offset], [clarabel.ZeroConeT(rows), *inside_cones]
-    if logs:
+    linear[:size] -= program.pull.T @ program.pull_target
+    residual = _widened(np.hstack([program.data, -np.eye(rows)]), len(linear))
+    matrix, offset = np.vstack([residual, *blocks]), np.concatenate([program.target, *offsets])
+    found = run_clarabel(quadratic, linear, matrix, offset, [_clarabel().ZeroConeT(rows), *cones])
+    duals = split_duals(program.conditions, np.array(found.z)[rows:])
+    return ConicCandidate(np.array(found.x)[:size], duals, str(found.status), int(found.iterations))
+
+
+def solve_limited(program: Program, place: Array, rise: float) -> tuple[ConicCandidate, float]:
+    """Return Clarabel's answer nearest in the entropic distance with a quadratic part that is limited, and its weight.
+
+    The quadratic part, twice that of f, is at most ``rise`` above that at ``place``: as a second-order cone over the
+    differences from there. Its multiplier is the inverse of the weight with which the program has the same answer.
+    """
+    size, rows = program.data.shape[1], np.vstack([program.data, program.pull])
+    slope = 2.0 * (rows @ place - np.concatenate([program.target, program.pull_target])) @ rows / rise
+    unit = replace(program, weight=1.0)
+    linear, blocks, offsets, cones = _entropy_and_conditions(unit, 0)
+    ends, middle = (
+        np.tile(slope / 2.0, (2, 1)),
+        -rows / np.sqrt(rise),
+    )  # |d|^2 <= u where |(d, (u - 1) / 2)| <= (u + 1) / 2
+    limit = _widened(np.vstack([ends[:1], middle, ends[1:]]), len(linear))
+    offset = limit[:, :size] @ place + np.eye(1, len(limit))[0]
+    found = run_clarabel(
+        np.zeros((len(linear), len(linear))),
+        linear,
+        np.vstack([limit, *blocks]),
+        np.concatenate([offset, *offsets]),
+        [_clarabel().SecondOrderConeT(len(limit)), *cones],
+    )
+    duals = np.array(found.z)
+    weight = rise / max(duals[0] + duals[len(limit) - 1], 1e-300)
+    prices = split_duals(program.conditions, weight * duals[len(limit) :])
+    return ConicCandidate(np.array(found.x)[:size], prices, str(found.status), int(found.iterations)), weight
+
+
+def _entropy_and_conditions(program: Program, rows: int) -> tuple[Array, list[Array], list[Array], list[Any]]:
+    """Return the linear part of the entropic prior, and blocks, offsets and cones, over phi, ``rows`` and its own."""
+    first = program.data.shape[1] + rows
+    inside, offset, cones = cone_rows(program.conditions)
+    linear = np.zeros(first + (14 * program.links if program.weight else 0))
+    blocks, offsets = [_widened(inside, len(linear))], [offset]
+    if program.weight:
         entropy, entropy_offset, entropy_cones = _entropy_rows(program, rows)
         blocks.append(entropy)
         offsets.append(entropy_offset)
-        cones += entropy_cones
-        linear[: 10 * program.links] += program.weight * _trace_gradient(program)
-        for link in range(program.links):
-            linear[size + rows + 14 * link + 10 : size + rows + 14 * link + 14] = -program.weight
-    found = run_clarabel(quadratic, linear, np.vstack(blocks), np.concatenate(offsets), cones)
-    duals = np.array(found.z)[rows : rows + len(inside)]
-    return ConicCandidate(
-        np.array(found.x)[:size], split_duals(program.conditions, duals), str(found.status), int(found.iterations)
-    )
+        cones = [*cones, *entropy_cones]
+        linear[: 10 * program.links] = program.weight * _trace_gradient(program)
+        linear[first:].reshape(-1, 14)[:, 10:] = -program.weight
+    return linear, blocks, offsets, cones
 
 
 def solve_whitened(program: Program) -> ConicCandidate:
@@ -144,19 +175,15 @@ def cone_rows(conditions: Conditions) -> tuple[Array, Array, list[Any]]:
     return np.vstack(blocks), np.concatenate(offsets), cones
 
 
-def equation_cone(count: int) -> Any:
-    """Return Clarabel's cone of ``count`` equations."""
-    return _clarabel().ZeroConeT(count)
-
-
 def sign_cone(count: int) -> Any:
     """Return Clarabel's cone of ``count`` inequalities."""
     return _clarabel().NonnegativeConeT(count)
 
 
 def split_duals(conditions: Conditions, duals: Array) -> Multipliers:
-    """Return the multipliers of the rows that :func:`cone_rows` made."""
-    zero, sign, cones = np.split(duals, np.cumsum([len(conditions.zero), len(conditions.sign)]))
+    """Return the multipliers of the rows that :func:`cone_rows` made, the first ones."""
+    ends = np.cumsum([len(conditions.zero), len(conditions.sign), 10 * len(conditions.links)])
+    zero, sign, cones, _ = np.split(duals, ends)
     return Multipliers(zero, sign, unstack_vectors(cones.reshape(-1, 10)))
 
 

@@ -255,11 +255,11 @@ def _best_answer(program: Program, failed: list[str]) -> Answer | None:
         except (ValueError, np.linalg.LinAlgError, FloatingPointError) as error:
             failed.append(f"{name}: {error}")
             continue
-        checked = _checked(program, raw)
-        if checked is None:
+        found = checked(program, raw)
+        if found is None:
             failed.append(f"{name}: status {raw.said}, and its answer breaks the conditions")
             continue
-        answer = Answer(program, *checked, name)
+        answer = Answer(program, *found, name)
         if answer.optimality.gap <= GOOD:
             return answer
         failed.append(f"{name}: status {raw.said}, proven gap {answer.optimality.gap:.2g}")
@@ -290,7 +290,7 @@ def _in_own_units(program: Program, place: Array) -> Answer | None:
     return best
 
 
-def _checked(program: Program, raw: ConicCandidate) -> tuple[ConicCandidate, Optimality] | None:
+def checked(program: Program, raw: ConicCandidate) -> tuple[ConicCandidate, Optimality] | None:
     """Return an answer mended by roundings until it meets its conditions, and how good it is; None where it cannot."""
     if not (np.all(np.isfinite(raw.phi)) and np.all(np.isfinite(raw.multipliers.sign))):
         return None

@@ -36,10 +36,13 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.errors import ContradictoryConstraints
 from dynident.identification.consistency.conditions import Conditions, conditions_of
+from dynident.identification.consistency.conic import solve_limited
 from dynident.identification.consistency.consistent_fit import (
+    GOOD,
     MISSED,
     Answer,
     ConsistentFit,
+    checked,
     judged,
     lifted,
     pose_program,
@@ -58,8 +61,8 @@ from dynident.model.plausible import outgrown, plausible_constraints, uniform_bo
 from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
 
-#: Level of both rules; least and largest weight; share of the cost limit that is enough.
-LEVEL, LEAST, MOST, ENOUGH = 0.95, 1e-6, 1e6, 0.5
+#: Level of both rules; least and largest weight.
+LEVEL, LEAST, MOST = 0.95, 1e-6, 1e6
 
 #: A mass or a size within this share of its bound is at it.
 _AT_BOUND = 1e-3
@@ -126,47 +129,47 @@ def plausible_fit(
         bodies = bodies * mass_factors(bodies[:, 9], inner.candidate.phi * scale.parameters, is_stated, relaxed)
         pulled = replace(program, conditions=inner.program.conditions)
         pulled = pull_program(pulled, bodies, filling, inner.candidate.phi, scale)
-        limit, least, answers = chi_square_quantile(LEVEL, base.count), cost(inner), {0.0: inner}
-
-        def rise(weight: float) -> float:
-            answers[weight] = solve_program(replace(pulled, weight=weight / rows))
-            return cost(answers[weight]) - least
-
+        limit, least = chi_square_quantile(LEVEL, base.count), cost(inner)
         if settled is None:
-            weight, cost_rise = largest_weight(rise, limit)
+            answer, weight = largest_weight(pulled, inner, rows, limit)
         else:
-            weight, cost_rise = settled.weight, rise(settled.weight) if settled.weight else 0.0
+            answer, weight = inner, settled.weight
+            if weight:
+                answer = solve_program(replace(pulled, weight=weight / rows))
         moved = tuple(name for name, is_moved in zip(names, fitted, strict=True) if is_moved)
         wide = tuple(link.name for link in model.robot.links if whole.links[link.name].reach and outgrown(link))
-        facts = Plausibility(weight, cost_rise, limit, contradicted, tuple(uniform), moved, wide)
-        return PlausibleFit(judged(answers[weight], scale), answers[weight].program, facts)
+        facts = Plausibility(weight, cost(answer) - least, limit, contradicted, tuple(uniform), moved, wide)
+        return PlausibleFit(judged(answer, scale), answer.program, facts)
 
 
-def largest_weight(rise: Callable[[float], float], limit: float) -> tuple[float, float]:
-    """Return about the largest weight whose rise is at most the limit, and its rise; (0, 0) where the least is above.
+def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> tuple[Answer, float]:
+    """Return the answer of the largest weight whose cost is at most the limit above the inner one, and that weight.
 
-    The rise grows with the weight: interpolated in logarithms until it is between :data:`ENOUGH` and 1 of the limit.
+    Where the limited program has no good answer, the largest among some; the inner one and 0 where none is.
     """
-    low, high, aim = (0.0, 0.0), (np.inf, np.inf), np.sqrt(ENOUGH) * limit
-    weight = 1.0  # a usual one: fewer solutions
-    while high[0] > 1.05 * low[0]:
-        value = rise(weight)
-        if value <= limit:
-            low = (weight, value)
-            if value >= ENOUGH * limit or weight >= MOST:
+
+    def cost(answer: Answer) -> float:
+        return rows * float(np.sum((pulled.data @ answer.candidate.phi - pulled.target) ** 2))
+
+    raw, weight = solve_limited(pulled, inner.candidate.phi, limit / rows)
+    weight = min(rows * weight, MOST) if np.isfinite(weight) else 1.0
+    program = replace(pulled, weight=weight / rows)
+    found = checked(program, raw) if weight < MOST else None
+    if found is not None and found[1].gap <= GOOD:
+        return Answer(program, *found, "Clarabel with exponential cones"), weight
+    best, step = (inner, 0.0), 4.0
+    while LEAST <= weight <= MOST:
+        answer = solve_program(replace(pulled, weight=weight / rows))
+        if cost(answer) - cost(inner) <= limit:
+            best = answer, weight
+            if step < 1.0:
                 break
+        elif best[1] > 0.0:
+            break
         else:
-            high = (weight, value)
-            if weight <= LEAST:
-                break
-        if low[0] > 0 and np.isfinite(high[0]):
-            ends = np.log([max(low[1], 1e-3 * limit), high[1]])
-            share = float(np.clip((np.log(aim) - ends[0]) / (ends[1] - ends[0]), 0.1, 0.9))
-            weight = low[0] * (high[0] / low[0]) ** share
-        else:
-            step = float(np.clip((aim / max(value, 1e-3 * limit)) ** 1.5, 0.01, 100.0))
-            weight = float(np.clip(weight * step, LEAST, MOST))
-    return low
+            step = 0.25
+        weight *= step
+    return best
 
 
 def pull_program(program: Program, bodies: Array, filling: Array, phi: Array, scale: Scale) -> Program:

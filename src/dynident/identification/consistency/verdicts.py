@@ -6,12 +6,13 @@ Conditions: P_i > 0 for every link (Wensing, Kim and Slotine 2018, (12)), fricti
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.identification.consistency.conditions import IDENTITY_VECTOR, Conditions, conditions_of
-from dynident.identification.consistency.conic import cone_rows, equation_cone, run_clarabel, sign_cone
+from dynident.identification.consistency.certificate import deepest
+from dynident.identification.consistency.conditions import conditions_of
 from dynident.identification.estimate.estimate import Consistency
 from dynident.identification.problem.prior import Scale, link_lengths, parameter_sizes
 from dynident.model.base_parameters import BaseParameters
@@ -67,25 +68,13 @@ def _unreachable(model: DynamicModel, base: BaseParameters, beta: Array) -> list
 def deepest_consistent(model: DynamicModel, base: BaseParameters, beta: Array) -> Array | None:
     """Return the theta deepest inside the cones with K theta = beta, shape (p,); None where there is none."""
     scale = scale_of_base(model, base, beta)
-    size, sizes = len(model.parameters), scale.parameters
-    rules = conditions_of(model, scale, 0.0)
-    inside, offset, cones = cone_rows(rules)
-    matrix = base.matrix * sizes
+    sizes, matrix = scale.parameters, base.matrix * scale.parameters
     rows = np.linalg.norm(matrix, axis=1)
-    bounded = np.r_[np.zeros(size), 1.0]
-    equality = np.column_stack([matrix / rows[:, None], np.zeros(base.count)])
-    stacked = np.vstack([equality, np.column_stack([inside, _depth_column(rules)]), bounded])
-    found = run_clarabel(
-        np.zeros((size + 1, size + 1)),
-        -bounded,
-        stacked,
-        np.concatenate([beta / rows, offset, [1.0]]),
-        [equation_cone(base.count), *cones, sign_cone(1)],
-    )
-    x = np.array(found.x)
-    if "Solved" not in str(found.status) or x[-1] <= 0:
+    rules = replace(conditions_of(model, scale, 0.0), zero=matrix / rows[:, None], zero_offset=-beta / rows)
+    found = deepest(rules)
+    if found.depth <= 0 or rules.shortfall(found.phi) > 1e-7:
         return None
-    theta = x[:size] * sizes
+    theta = found.phi * sizes
     signs = np.array([p.nonnegative for p in model.parameters])
     return np.where(signs & (theta < 0) & (theta > -1e-6 * sizes), 0.0, theta)  # a rounding below zero
 
@@ -96,11 +85,6 @@ def scale_of_base(model: DynamicModel, base: BaseParameters, beta: Array) -> Sca
     mass = np.full(len(length), max(_mass_of(model, base, beta, float(np.max(length))), 1e-9))
     sizes = parameter_sizes(model, mass, length, _friction_of(model, base, beta))
     return Scale(mass, length, sizes, np.zeros(len(model.parameters)), "beta")
-
-
-def _depth_column(rules: Conditions) -> Array:
-    """Return the column of t: it lowers every diagonal entry; coefficients need only be >= 0."""
-    return np.concatenate([np.zeros(len(rules.sign)), np.tile(IDENTITY_VECTOR, len(rules.links))])
 
 
 def _mass_of(model: DynamicModel, base: BaseParameters, beta: Array, length: float) -> float:
