@@ -21,6 +21,7 @@ from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.documents.shape_data import shapes_to_list
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
+from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
 from dynident.model.shapes import Sphere
 from dynident.results import short_answer
@@ -195,3 +196,7 @@ def test_an_inertia_outside_its_bounds_is_not_called_impossible(planar_2r: Robot
     assert "outside the size and thickness assumed from frames and mass, as there are no shapes" in assumed
     assert "impossible" not in thin + assumed and "give shapes in the robot model" in assumed
     assert nominal_lines(planar_2r, replace(facts, fitted=())) == []
+    assert last.inertia is not None
+    placeholder = Inertia.from_centre_of_mass(3.6, last.inertia.centre_of_mass, np.eye(3))
+    (large,) = nominal_lines(replace(planar_2r, links=(first, replace(last, inertia=placeholder))), facts)
+    assert "too large for the mass, as a placeholder is: link2 (1.5 kg/m³ at equal density)" in large

@@ -184,12 +184,30 @@ def test_a_right_body_larger_than_its_shapes_is_the_reference(
     spatial_3r: Robot, exact_log: MakeLog, noise: float
 ) -> None:
     """The robot model made the log; its links have balls of 30 mm to touch with. Nothing has to give way to data."""
-    links = tuple(replace(link, shapes=(Sphere(0.03),)) for link in spatial_3r.links)
-    problem, truth = problem_of(replace(spatial_3r, links=links), exact_log, noise=noise)
+    dense = spatial_3r
+    for index in range(3):  # as dense as links are
+        dense = scaled_link(dense, index, 10.0)
+    links = tuple(replace(link, shapes=(Sphere(0.03),)) for link in dense.links)
+    problem, truth = problem_of(replace(dense, links=links), exact_log, noise=noise)
     found = plausible_fit(problem, weights_of(problem), 0.01, 1e-8)
     assert (found.facts.contradicted, found.facts.fitted, found.facts.uniform) == ((), (), ())
     assert found.facts.widened == tuple(link.name for link in links)
     np.testing.assert_allclose(found.fit.theta[9:30:10] / truth[9:30:10], 1.0, atol=5 * noise + 1e-4)
+
+
+def test_an_inertia_that_is_a_placeholder_frees_no_size(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """A uniform body of the stated mass stands in place of 0.4 kg with 1 kg m^2; shapes are those of the true one."""
+    body = Inertia.from_centre_of_mass(0.4, np.array([0.2, 0.0, 0.0]), 0.4 * 0.4 * 0.06**2 * np.eye(3))
+    shape = (Sphere(0.06, body.centre_of_mass),)
+    links = (*spatial_3r.links[:2], replace(spatial_3r.links[2], inertia=body, shapes=shape))
+    placeholder = Inertia.from_centre_of_mass(0.4, body.centre_of_mass, np.eye(3))
+    robot = replace(spatial_3r, links=links)
+    problem, truth = problem_of(robot, exact_log, without_inertia(robot, 2, placeholder))
+    found = plausible_fit(problem, weights_of(problem), 0.01, 1e-8)
+    assert found.facts.fitted == ("link3",) and (found.facts.widened, found.facts.contradicted) == ((), ())
+    own, true = (Inertia.from_vector(theta[20:30]) for theta in (found.fit.theta, truth))
+    assert own.mass == pytest.approx(0.4, rel=0.2)
+    assert 0.5 < np.trace(own.about_centre) / np.trace(true.about_centre) < 2.0
 
 
 def test_one_joint_without_noise_is_fitted_in_units_of_what_its_bounds_cost(exact_log: MakeLog) -> None:

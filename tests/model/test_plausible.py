@@ -67,7 +67,7 @@ def test_bounds_that_a_nominal_body_breaks_are_widened_to_hold_it_with_room() ->
     """
     robot, box = read_robot("generic-6r"), Box(np.full(3, 0.3))
     spreads = ([1e-4, 0.01, 0.01], [0.05, 0.05, 0.05], [0.006, 0.006, 0.006])
-    bodies = [Inertia.from_pseudo(2.0 * np.diag([*spread, 1.0])) for spread in spreads]
+    bodies = [Inertia.from_pseudo(200.0 * np.diag([*spread, 1.0])) for spread in spreads]  # as dense as links are
     links = [
         replace(link, inertia=body, shapes=(box,)) for link, body in zip(robot.links, [*bodies, *bodies], strict=True)
     ]

@@ -46,6 +46,7 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
     The ellipsoid holds the link's shapes and a possible nominal body that reaches beyond them (neither is proof against
     the other); without shapes, or with a mesh that is not read, balls about the frame of the link, those of its
     children, the named frames on it and the nominal centre of mass, and the nominal body as far as it can be a link.
+    One far lighter than links are says nothing about a size.
     Matter as far as the minimum thickness from every plane is further than sqrt(2) times that from every axis.
     """
     known = stated or Constraints()
@@ -104,14 +105,14 @@ def _with_room(space: Ellipsoid, second: Array, reach: float) -> Ellipsoid | Non
 
 
 def outgrown(link: Link) -> Ellipsoid | None:
-    """Return the ellipsoid about shapes and nominal body; None where there are none, or the shapes bound the body."""
+    """Return the ellipsoid about shapes and nominal body; None where they bound the body, or one cannot be a link."""
     points, body = shape_points(link), link.inertia
-    if not len(points) or body is None or not body.is_consistent():
+    if not len(points) or body is None or not body.is_consistent() or is_too_light(body):
         return None
-    second = body.pseudo / body.mass
+    second, (semi_axes, axes) = body.pseudo / body.mass, _equal_density(body)
     if _with_room(bounding_ellipsoid(points), second, REACH) is None:
         return None
-    size = bounding_ellipsoid(np.vstack([points, _nominal_points(body, as_stated=True)]))
+    size = bounding_ellipsoid(np.vstack([points, body.centre_of_mass + _DIRECTIONS * semi_axes @ axes.T]))
     return _with_room(size, second, REACH) or size
 
 
@@ -142,7 +143,11 @@ def link_points(robot: Robot, index: int) -> Array:
         ball = 4.0 / 3.0 * np.pi  # of a capsule as long: ball r^3 + pi r^2 length
         roots = np.roots([ball, np.pi * length, 0.0, -mass / LEAST_DENSITY])
         radius = max(radius, float(np.max(roots[np.isreal(roots)].real)))
-    return np.vstack([_balls(np.array(places), radius), _nominal_points(link.inertia)])
+    points, body = _balls(np.array(places), radius), link.inertia
+    if body is None or not body.is_consistent() or is_too_light(body):
+        return points
+    (semi_axes, axes), factor = _equal_density(body), min(1.0, (mean_density(body) / LOOK_DENSITY) ** (1.0 / 3.0))
+    return np.vstack([points, body.centre_of_mass + _DIRECTIONS * factor * _thick(semi_axes) @ axes.T])
 
 
 def shape_points(link: Link) -> Array:
@@ -155,22 +160,26 @@ def shape_points(link: Link) -> Array:
     return np.concatenate([*parts, *shown]) if needed and all(map(len, needed)) else np.zeros((0, 3))
 
 
-def _nominal_points(body: Inertia | None, *, as_stated: bool = False) -> Array:
-    """Return points of the ellipsoid of equal density of a nominal body as far as it can be a link, shape (k, 3), in m.
+def is_too_light(body: Inertia) -> bool:
+    """Return whether a body is lighter than links are, even if it reaches beyond them: the inertia is a placeholder."""
+    return mean_density(body) < LOOK_DENSITY / REACH**3
 
-    Its longer axes are cut to the least thickness that plausible bodies of their length have, and all to the least mean
-    density that links have: a body that is both as it stands is all in its own bounds. ``as_stated`` cuts nothing.
-    """
-    if body is None or not body.is_consistent():
-        return np.zeros((0, 3))
-    centre, factor = body.centre_of_mass, 1.0
+
+def mean_density(body: Inertia) -> float:
+    """Return the density of the ellipsoid of equal density of a body, as thick as links are, in kg/m^3."""
+    return body.mass / max(4.0 / 3.0 * np.pi * float(np.prod(_thick(_equal_density(body)[0]))), 1e-300)
+
+
+def _equal_density(body: Inertia) -> tuple[Array, Array]:
+    """Return semi-axes (3,), in m, the shortest first, and directions (3, 3) of the ellipsoid of equal density."""
+    centre = body.centre_of_mass
     sizes, axes = np.linalg.eigh(body.pseudo[:3, :3] / body.mass - np.outer(centre, centre))
-    semi_axes = np.sqrt(5.0 * np.maximum(sizes, 0.0))
-    if not as_stated:
-        semi_axes = np.minimum(semi_axes, semi_axes[0] / (GYRATION_SHARE * np.sqrt(10.0)))
-        density = body.mass / max(4.0 / 3.0 * np.pi * float(np.prod(semi_axes)), 1e-300)
-        factor = min(1.0, (density / LOOK_DENSITY) ** (1.0 / 3.0))
-    return centre + _DIRECTIONS * factor * semi_axes @ axes.T
+    return np.sqrt(5.0 * np.maximum(sizes, 0.0)), axes
+
+
+def _thick(semi_axes: Array) -> Array:
+    """Return semi-axes with the longer ones cut to the least thickness that plausible bodies of their length have."""
+    return np.minimum(semi_axes, semi_axes[0] / (GYRATION_SHARE * np.sqrt(10.0)))
 
 
 def _balls(centres: Array, radius: float) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedBound, Plausibility
 from dynident.identification.estimate.validation import Validation
-from dynident.model.plausible import shape_points
+from dynident.model.plausible import is_too_light, mean_density, shape_points
 from dynident.model.robot import Robot, consistency_defects
 from dynident.results.text import format_number, format_percent, label
 from dynident.robot_files.tree import weightless
@@ -47,10 +47,18 @@ def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
     if names := ", ".join(map(label, facts.widened)):
         what = f"the robot model's inertia of {names} reaches beyond the link's shapes: its size holds both"
         lines.append(f"{what}; where the inertia is a guess, state body: in the constraints")
+    bodies = {link.name: link.inertia for link in robot.links if link.name in facts.fitted and link.name not in light}
+    large = {name: body for name, body in bodies.items() if body and body.is_consistent() and is_too_light(body)}
+    if names := ", ".join(
+        f"{label(name)} ({mean_density(body):.2g} kg/m³ at equal density)" for name, body in large.items()
+    ):
+        what = f"the robot model's inertia is too large for the mass, as a placeholder is: {names}"
+        lines.append(f"{what}; a uniform body of that mass is the reference; correct it in the robot model")
+        light = light | set(large)
     bare = [link.name for link in robot.links if not len(shape_points(link))]
     thin = "thinner than links of its size are, or outside its constraints", "correct it"
-    large = "outside the size and thickness assumed from frames and mass, as there are no shapes", "give shapes"
-    for (what, step), is_bare in ((thin, False), (large, True)):
+    wide = "outside the size and thickness assumed from frames and mass, as there are no shapes", "give shapes"
+    for (what, step), is_bare in ((thin, False), (wide, True)):
         names = [name for name in facts.fitted if name not in light and (name in bare) == is_bare]
         if names:
             links = "all links" if len(names) == len(robot.links) > 1 else ", ".join(map(label, names))

@@ -18,7 +18,8 @@ the joint 95 % region of the b base parameters with rows taken as independent (S
 residuals would widen the region by their correlation factor: counted so, the rule stays on the side of the data.
 
 A possible nominal body that reaches beyond the shapes of its link is within its size: neither is proof against the
-other. One that does not meet the bounds of its link is replaced by the nearest one of its mass that does.
+other. One that does not meet the bounds of its link is replaced by the nearest one of its mass that does; where it is
+lighter than links are, an inertia that is a placeholder, by the uniform body of its mass.
 
 A mass range or a size is contradicted where the cost without it is lower by more than a quantile of chi-square at 5 %
 over all of them (Bonferroni), the cost of each joint over its correlation factor; with one degree of freedom for a mass
@@ -56,8 +57,8 @@ from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.covariance import correlation_of
 from dynident.identification.residuals.quantiles import chi_square_quantile
 from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange, box_quadrics
-from dynident.model.inertia import PSEUDO_BASIS
-from dynident.model.plausible import outgrown, plausible_constraints, uniform_body, wider_bounds
+from dynident.model.inertia import PSEUDO_BASIS, Inertia
+from dynident.model.plausible import is_too_light, outgrown, plausible_constraints, uniform_body, wider_bounds
 from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
 
@@ -124,7 +125,10 @@ def plausible_fit(
         if settled is None:
             contradicted, bounds, inner = _contradicted(setting, bounds, inner)
         rules = conditions_of(model, scale, margin, _with_masses(bounds, model.robot, bodies))
-        bodies, fitted = fitting_bodies(bodies, filling, rules, scale)
+        near, fitted = fitting_bodies(bodies, filling, rules, scale)
+        if np.any(light := fitted & [is_too_light(Inertia.from_vector(body)) for body in bodies]):
+            near = fitting_bodies(np.where(light[:, None], _as_heavy(filling, bodies), near), filling, rules, scale)[0]
+        bodies = near
         relaxed = np.isin(names, [one.name for one in contradicted if one.is_relaxed and one.bound == "mass"])
         bodies = bodies * mass_factors(bodies[:, 9], inner.candidate.phi * scale.parameters, is_stated, relaxed)
         pulled = replace(program, conditions=inner.program.conditions)
