@@ -228,6 +228,7 @@ def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[
 
 def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
     from dynident.cli import console
+    from dynident.results.plausibility import nominal_state
     from dynident.results.text import Column, Table, format_given, label, pretty_unit
 
     gravity = ", ".join(f"{g:g}" for g in robot.gravity)
@@ -241,7 +242,7 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
         limits = joint.limits
         numbers = [format_given(value) for value in (limits.lower, limits.upper, limits.velocity, limits.effort)]
         kind = joint.kind if joint.mimic is None else f"follows {label(joint.mimic.joint)}"
-        state = "not stated" if link.inertia is None else link.inertia.defect() or "consistent"
+        state = "not stated" if link.inertia is None else nominal_state(link.inertia)
         mass = format_given(None if link.inertia is None else link.inertia.mass)
         rows.append((label(joint.name), kind, *numbers, pretty_unit(joint.unit), label(link.name), mass, state))
     console.answer_table(Table(columns, tuple(rows)))

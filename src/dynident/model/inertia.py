@@ -16,6 +16,9 @@ from dynident.arrays import Array, frozen
 #: The order of the ten, equation (5) of the article.
 TEN = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m")
 
+#: What moments of a flat body, rounded to four digits, may miss the triangle inequality by, as a share of the largest.
+ROUNDED = 1e-3
+
 _ROWS = np.array([0, 0, 0, 1, 1, 2])
 _COLUMNS = np.array([0, 1, 2, 1, 2, 2])
 
@@ -79,8 +82,7 @@ class Inertia:
         if ten.shape != (10,):
             raise ValueError(f"ten parameters expected, got shape {ten.shape}")
         rotational = np.zeros((3, 3))
-        rotational[_ROWS, _COLUMNS] = ten[:6]
-        rotational[_COLUMNS, _ROWS] = ten[:6]
+        rotational[_ROWS, _COLUMNS] = rotational[_COLUMNS, _ROWS] = ten[:6]
         return cls(float(ten[9]), ten[6:9], rotational)
 
     @classmethod
@@ -144,8 +146,7 @@ class Inertia:
     def moved(self, rotation: npt.ArrayLike, translation: npt.ArrayLike) -> Inertia:
         """Return the same body seen from a frame in which this frame is placed at (rotation, translation)."""
         transform = np.eye(4)
-        transform[:3, :3] = rotation
-        transform[:3, 3] = translation
+        transform[:3, :3], transform[:3, 3] = rotation, translation
         return Inertia.from_pseudo(transform @ self.pseudo @ transform.T)
 
     def __add__(self, other: Inertia) -> Inertia:
@@ -162,21 +163,27 @@ class Inertia:
         """
         if not np.all(np.isfinite(self.vector)):
             return False
-        eigenvalues = np.linalg.eigvalsh(self.pseudo)
-        return bool(eigenvalues[0] > margin * max(np.sum(eigenvalues), 0.0))
+        return bool(np.linalg.eigvalsh(self.pseudo)[0] > margin * max(np.trace(self.pseudo), 0.0))
+
+    def solid(self) -> Inertia | None:
+        """Return a strictly consistent body: this one, or a flat one made thicker; None where there is none."""
+        if self.is_consistent() or self.defect():
+            return None if self.defect() else self
+        thick = 10.0 * ROUNDED * np.trace(self.about_centre) * np.eye(3)
+        found = Inertia(self.mass, self.first_moment, self.rotational + thick)
+        return found if found.is_consistent() else None
 
     def defect(self) -> str:
-        """Return why no body can have this inertia, in words; empty where one can."""
+        """Return why no body can have this inertia, in words; empty where one can: flat ones and points can."""
         if not np.all(np.isfinite(self.vector)):
             return "a value is not a number"
         if self.mass <= 0:
             return f"the mass is {self.mass:.4g} kg"
         principal = np.linalg.eigvalsh(self.about_centre)
-        if principal[0] <= 0:
+        room = ROUNDED * abs(principal[2]) + 1e-12 * abs(np.trace(self.rotational))
+        if principal[0] < -room:
             return f"a principal moment of inertia is {principal[0]:.4g} kg m^2"
-        if principal[2] >= principal[0] + principal[1]:
-            return (
-                f"the principal moments {principal[0]:.4g}, {principal[1]:.4g}, {principal[2]:.4g} kg m^2 "
-                "break the triangle inequality"
-            )
+        if principal[2] > principal[0] + principal[1] + room:
+            values = ", ".join(f"{moment:.4g}" for moment in principal)
+            return f"the principal moments {values} kg m^2 break the triangle inequality"
         return ""

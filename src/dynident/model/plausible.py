@@ -106,8 +106,8 @@ def _with_room(space: Ellipsoid, second: Array, reach: float) -> Ellipsoid | Non
 
 def outgrown(link: Link) -> Ellipsoid | None:
     """Return the ellipsoid about shapes and nominal body; None where they bound the body, or one cannot be a link."""
-    points, body = shape_points(link), link.inertia
-    if not len(points) or body is None or not body.is_consistent() or is_too_light(body):
+    points, body = shape_points(link), link.inertia and link.inertia.solid()
+    if not len(points) or body is None or is_too_light(body):
         return None
     second, (semi_axes, axes) = body.pseudo / body.mass, _equal_density(body)
     if _with_room(bounding_ellipsoid(points), second, REACH) is None:
@@ -143,8 +143,8 @@ def link_points(robot: Robot, index: int) -> Array:
         ball = 4.0 / 3.0 * np.pi  # of a capsule as long: ball r^3 + pi r^2 length
         roots = np.roots([ball, np.pi * length, 0.0, -mass / LEAST_DENSITY])
         radius = max(radius, float(np.max(roots[np.isreal(roots)].real)))
-    points, body = _balls(np.array(places), radius), link.inertia
-    if body is None or not body.is_consistent() or is_too_light(body):
+    points, body = _balls(np.array(places), radius), link.inertia and link.inertia.solid()
+    if body is None or is_too_light(body):
         return points
     (semi_axes, axes), factor = _equal_density(body), min(1.0, (mean_density(body) / LOOK_DENSITY) ** (1.0 / 3.0))
     return np.vstack([points, body.centre_of_mass + _DIRECTIONS * factor * _thick(semi_axes) @ axes.T])

@@ -9,6 +9,7 @@ import numpy as np
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedBound, Plausibility
 from dynident.identification.estimate.validation import Validation
+from dynident.model.inertia import Inertia
 from dynident.model.plausible import is_too_light, mean_density, shape_points
 from dynident.model.robot import Robot, consistency_defects
 from dynident.results.text import format_number, format_percent, label
@@ -47,8 +48,9 @@ def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
     if names := ", ".join(map(label, facts.widened)):
         what = f"the robot model's inertia of {names} reaches beyond the link's shapes: its size holds both"
         lines.append(f"{what}; where the inertia is a guess, state body: in the constraints")
-    bodies = {link.name: link.inertia for link in robot.links if link.name in facts.fitted and link.name not in light}
-    large = {name: body for name, body in bodies.items() if body and body.is_consistent() and is_too_light(body)}
+    fitted = [link for link in robot.links if link.name in facts.fitted and link.name not in light]
+    solid = {link.name: link.inertia and link.inertia.solid() for link in fitted}
+    large = {name: body for name, body in solid.items() if body and is_too_light(body)}
     if names := ", ".join(
         f"{label(name)} ({mean_density(body):.2g} kg/m³ at equal density)" for name, body in large.items()
     ):
@@ -66,6 +68,13 @@ def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
             end = "or state body: and thickness: in the constraints"
             lines.append(f"the robot model's inertia of {links} is {what}: {fate}, {end}")
     return lines
+
+
+def nominal_state(inertia: Inertia) -> str:
+    """Return whether a body can have an inertia: why none can, or that it is flat or a point."""
+    if inertia.defect() or inertia.is_consistent():
+        return inertia.defect() or "consistent"
+    return "consistent, flat" if inertia.solid() else "consistent, a point"
 
 
 def mesh_lines(faults: Sequence[Mapping[str, str]]) -> list[str]:

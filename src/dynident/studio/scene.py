@@ -90,12 +90,10 @@ def ellipsoid(inertia: Inertia) -> tuple[Array, Array] | None:
     Returns:
         None where no body has this inertia, or none with a size.
     """
-    if not inertia.mass > 0:
+    if inertia.defect():
         return None
     moments, turn = np.linalg.eigh(inertia.about_centre)
     squares = 2.5 * (moments.sum() - 2.0 * moments) / inertia.mass
-    if not np.all(np.isfinite(squares)) or squares.min() < -1e-9 * max(squares.max(), 1e-12):
-        return None
     if np.linalg.det(turn) < 0:
         turn[:, 0] *= -1.0
     return np.sqrt(np.maximum(squares, 0.0)), turn

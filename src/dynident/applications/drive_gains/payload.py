@@ -48,8 +48,7 @@ class CarriedBody:
         if self.centre is None:
             raise BadOption("inertia", "of a payload without centre", "state its centre of mass as well")
         body = Inertia.from_centre_of_mass(self.mass, self.centre, self.inertia)
-        if not body.is_consistent():
-            why = body.defect() or "no body has this inertia"
+        if why := body.defect():
             raise BadOption("inertia", np.asarray(self.inertia).tolist(), f"{why}; give it about the centre of mass")
 
     def place(self, robot: Robot) -> tuple[int, Array, Array]:

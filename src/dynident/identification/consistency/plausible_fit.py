@@ -223,12 +223,11 @@ def nominal_bodies(robot: Robot, bounds: Constraints, prior: BodyPrior | None) -
     if prior is not None:
         return np.array(prior.theta)[: 10 * len(links)].reshape(-1, 10), np.ones(len(links), bool), []
     masses = np.array([0.0 if link.inertia is None else link.inertia.mass for link in links])
-    uniform = [link.name for link in links if link.inertia is None or not link.inertia.is_consistent()]
-    bodies = []
+    uniform, bodies = [], []
     for link, mass in zip(links, masses, strict=True):
-        filling = uniform_body(bounds.links[link.name]).vector
-        own = filling if link.inertia is None else link.inertia.vector
-        bodies.append(own if link.name not in uniform else filling * (mass / filling[9] if mass > 0 else 1.0))
+        own, filling = link.inertia and link.inertia.solid(), uniform_body(bounds.links[link.name]).vector
+        bodies.append(own.vector if own else filling * (mass / filling[9] if mass > 0 else 1.0))
+        uniform += [] if own else [link.name]
     return np.array(bodies), masses > 0, uniform
 
 

@@ -50,10 +50,11 @@ class BodyPrior:
         theta = np.array([values.get(parameter.name, 0.0) for parameter in model.parameters])
         for i, link in enumerate(model.robot.links):
             body = Inertia.from_vector(theta[10 * i : 10 * i + 10])
-            if not body.is_consistent():
+            if not (solid := body.solid()):
                 why = body.defect() or "the pseudo-inertia is not positive definite"
                 step = "give a prior whose links are physically consistent, or leave it out"
                 raise NotConsistent(f"{link.name} of the prior ({self.source})", why, step)
+            theta[10 * i : 10 * i + 10] = solid.vector
         return BodyPrior(theta, tuple(parameter.name for parameter in model.parameters), self.source)
 
 
@@ -92,12 +93,11 @@ def natural_scale(model: DynamicModel, torque: Array, acceleration: Array, prior
     length = link_lengths(model)
     given = None if prior is None else np.asarray(prior.theta)[: model.inertial_count].reshape(-1, 10)
     stated = [link.inertia for link in robot.links] if given is None else [Inertia.from_vector(ten) for ten in given]
-    known = [inertia for inertia in stated if inertia is not None and inertia.is_consistent()]
+    known = [solid for body in stated if body is not None and (solid := body.solid())]
     tail = np.zeros(len(model.parameters) - model.inertial_count)
     if len(known) == len(robot.links):
         mass = np.array([inertia.mass for inertia in known])
         length = np.array([np.sqrt(np.trace(inertia.pseudo[:3, :3]) / inertia.mass) for inertia in known])
-        inertial = np.concatenate([inertia.vector for inertia in known])
         source = "the robot model's inertias" if prior is None else prior.source
         if prior is not None:
             tail = np.array(prior.theta)[model.inertial_count :]
@@ -107,11 +107,10 @@ def natural_scale(model: DynamicModel, torque: Array, acceleration: Array, prior
         pull = lever * (np.linalg.norm(robot.gravity) + acceleration * lever)
         total = float(np.max(torque / np.maximum(pull, 1e-12)))
         mass = np.full(len(robot.links), max(total, 1e-6) * 2.0 / len(robot.links))
-        ball = [Inertia(m, np.zeros(3), 0.4 * m * s**2 * np.eye(3)) for m, s in zip(mass, length, strict=True)]
-        inertial = np.concatenate([inertia.vector for inertia in ball])
+        known = [Inertia(m, np.zeros(3), 0.4 * m * s**2 * np.eye(3)) for m, s in zip(mass, length, strict=True)]
         source = "balls that explain the size of the torques"
     sizes = parameter_sizes(model, mass, length, torque)
-    return Scale(mass, length, sizes, np.concatenate([inertial, tail]), source)
+    return Scale(mass, length, sizes, np.concatenate([*(body.vector for body in known), tail]), source)
 
 
 def parameter_sizes(model: DynamicModel, mass: Array, length: Array, torque: Array) -> Array:

@@ -109,9 +109,7 @@ def mass_scene(robot: Robot, q: Array, sets: Sequence[tuple[str, Sequence[Inerti
             if inertia.defect():
                 left_out.append(f"{label(link.name)} ({label(called)})")
                 continue
-            if inertia.mass <= 0:
-                continue
-            turn, about = rotations[0, k], np.asarray(inertia.about_centre)
+            turn, about = rotations[0, k], np.asarray((inertia.solid() or inertia).about_centre)
             spread = 5.0 / inertia.mass * (0.5 * np.trace(about) * np.eye(3) - about)
             centre = places[0, k] + turn @ inertia.centre_of_mass
             bodies.append(Body(label(link.name), float(inertia.mass), centre, turn @ spread @ turn.T, kind))

@@ -55,10 +55,9 @@ def random_truth(model: DynamicModel, seed: int, share: float = 0.3) -> Array:
     """
     robot = model.robot
     bodies = [
-        _invented(robot, k, np.random.default_rng([seed, k])) if link.inertia is None or link.inertia.defect()
-        else link.inertia
+        (link.inertia and link.inertia.solid()) or _invented(robot, k, np.random.default_rng([seed, k]))
         for k, link in enumerate(robot.links)
-    ]  # fmt: skip
+    ]
     full = replace(
         model,
         robot=replace(

@@ -129,9 +129,6 @@ def _position(path: object, joint: Connection, robot: Robot, owner: int, turn: A
 #: Share of the smallest eigenvalue of the sum's pseudo-inertia that the moving link keeps where others keep theirs.
 ROOM = 0.01
 
-#: Share of the trace of a pseudo-inertia that an eigenvalue below zero may have: plates and points are at the edge.
-ROUNDING = 1e-9
-
 
 @dataclass(frozen=True)
 class Shares:
@@ -206,7 +203,7 @@ def _has_room(rest: Inertia, total: Inertia) -> bool:
 
 def _is_none(body: Inertia | None) -> bool:
     """Return whether no body has the inertia that a file states."""
-    return body is not None and not body.is_consistent(-ROUNDING)
+    return body is not None and bool(body.defect())
 
 
 def _weighs(body: Inertia | None) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from dynident.model.friction import FRICTION, Friction
 from dynident.model.robot import Robot
+from dynident.results.plausibility import nominal_state
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import MISSING, Column, Table, format_given, in_words, label, pretty_unit
@@ -109,7 +110,13 @@ def _links(robot: Robot) -> Table:
         if link.inertia is None:
             rows.append((name, *[MISSING] * 4, "not stated"))
             continue
-        defect = link.inertia.defect()
+        defect, state = link.inertia.defect(), nominal_state(link.inertia)
         values = (link.inertia.mass, *link.inertia.centre_of_mass)
-        rows.append((name, *(format_given(float(v)) for v in values), f"no: {defect}" if defect else "yes"))
+        rows.append(
+            (
+                name,
+                *(format_given(float(v)) for v in values),
+                f"no: {defect}" if defect else state.replace("consistent", "yes"),
+            )
+        )
     return Table(columns, tuple(rows), "Nominal inertias of the robot model, in link frames.")
