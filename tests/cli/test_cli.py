@@ -511,3 +511,9 @@ def test_an_option_that_is_not_there_is_named_with_the_nearest(
 ) -> None:
     assert main(["identify", "case.yaml", *words]) == 2
     assert capsys.readouterr().err.splitlines() == [said, "'dynident identify --help-all' lists all options"]
+
+
+def test_a_word_too_many_is_answered_with_what_the_command_takes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["inspect", "arm.urdf", "payload=2"]) == 2
+    said = "error: 'inspect' does not take 'payload=2'; it takes CASE|ROBOT|PLAN and options"
+    assert capsys.readouterr().err.splitlines()[0] == said

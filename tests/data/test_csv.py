@@ -30,7 +30,7 @@ ROWS = 12
 
 
 #: The remedy for a column that is not there.
-MAPPED = "map it with columns: in the case file, which 'dynident init' drafts"
+MAPPED = "map it with columns: in the case file, which 'dynident init ROBOT LOG' drafts"
 
 
 def table(header="t,q1,q2,tau1,tau2", rows=ROWS, separator=","):
@@ -328,6 +328,8 @@ def test_an_unknown_suffix_lists_the_formats(tmp_path):
         "npz (.npz, .npy); parquet (.parquet, .pq); rosbag (.bag, .db3, .mcap); twincat_scope (by name only)"
     )
     assert read_log(path, form="csv").samples == ROWS
+    with pytest.raises(LogFormatError, match=r"^payload=2: no such file; the formats are: csv"):
+        read_log("payload=2")
 
 
 @pytest.mark.parametrize(

@@ -133,14 +133,7 @@ def _done(words: list[str]) -> int:
             parser.print_help()
         return 2
     if unknown:
-        word = unknown[0].split("=")[0]
-        kind = "has no option" if word.startswith("-") else "does not take"
-        flags = _flags(_parser_of(parser, options.command))
-        if ":=" in unknown[0]:
-            step = f"arguments follow a xacro file: '{options.command} FILE.urdf.xacro {unknown[0]}'"
-            remark(f"error: '{options.command}' does not take '{unknown[0]}'; {step}")
-        else:
-            remark(f"error: '{options.command}' {kind} '{word}'{nearest(word, flags, 0.7)}")
+        remark(_not_taken(unknown[0], options.command, _parser_of(parser, options.command)))
         remark(f"'dynident {options.command} {WHOLE}' lists all options")
         return 2
 
@@ -160,6 +153,20 @@ def _done(words: list[str]) -> int:
             traceback.print_exc()
         code = _reported(_by_flag(error, parser, options) if isinstance(error, BadOption) else error)
     return code
+
+
+def _not_taken(given: str, command: str, own: argparse.ArgumentParser) -> str:
+    """Return the error on a word that a command does not take."""
+    from dynident.errors import nearest
+
+    word = given.split("=", maxsplit=1)[0]
+    if word.startswith("-"):
+        return f"error: '{command}' has no option '{word}'{nearest(word, _flags(own), 0.7)}"
+    names = " ".join(str(action.metavar or action.dest) for action in own._actions if not action.option_strings)
+    step = f"it takes {names} and options" if names else "it takes options alone"
+    if ":=" in given:
+        step = f"arguments follow a xacro file: '{command} FILE.urdf.xacro {given}'"
+    return f"error: '{command}' does not take '{given}'; {step}"
 
 
 def _parser_of(parser: argparse.ArgumentParser, command: str) -> argparse.ArgumentParser:

@@ -144,4 +144,5 @@ def _chosen(path: str | Path, form: str | LogFormat | None) -> LogFormat:
     known = "; ".join(f"{name} ({text})" for name, text in suffixes.items())
     suffix = Path(path).suffix.lower()
     step = "unpack it first" if suffix in _PACKED else f"the formats are: {known}"
-    raise LogFormatError(path, None, f"no log format has the suffix '{suffix}'", step)
+    what = f"no log format has the suffix '{suffix}'" if suffix or Path(path).exists() else "no such file"
+    raise LogFormatError(path, None, what, step)
