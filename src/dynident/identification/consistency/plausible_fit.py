@@ -12,10 +12,11 @@ fit within the bounds alone. A link whose mass range is relaxed has the mass of 
 
 The weight v is the largest for which the cost rises by no more than the data's own noise,
 
-    r (|A phi_v - y|^2 - |A phi_0 - y|^2) / s^2 <= chi^2_0.95(b),
+    r (|A phi_v - y|^2 - |A phi_0 - y|^2) / s^2 <= f chi^2_0.95(b),
 
-the joint 95 % region of the b base parameters with rows taken as independent (Seber and Wild 2003, (5.3)). Correlated
-residuals would widen the region by their correlation factor: counted so, the rule stays on the side of the data.
+the joint 95 % region of the b base parameters (Seber and Wild 2003, (5.3)), f the least correlation factor of a joint's
+residual. Correlation that comes of what the model lacks recurs in other logs, so the residual rises by :data:`PRICE` of
+itself at most; f = 1, rows taken as independent, may always be used.
 
 A possible nominal body that reaches beyond the shapes of its link is within its size: neither is proof against the
 other. One that does not meet the bounds of its link is replaced by the nearest one of its mass that does; where it is
@@ -62,8 +63,8 @@ from dynident.model.plausible import is_too_light, outgrown, plausible_constrain
 from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
 
-#: Level of both rules; least and largest weight.
-LEVEL, LEAST, MOST = 0.95, 1e-6, 1e6
+#: Level of both rules; least and largest weight; share of the residual that nearness to the nominal bodies may cost.
+LEVEL, LEAST, MOST, PRICE = 0.95, 1e-6, 1e6, 0.005
 
 #: A mass or a size within this share of its bound is at it.
 _AT_BOUND = 1e-3
@@ -90,7 +91,7 @@ def plausible_fit(
     """Return the plausible standard parameters that are nearest to the nominal ones within the noise of the data.
 
     Args:
-        problem: The problem. Its rows are read again only where a bound costs much, for correlation factors.
+        problem: The problem. Its rows are read again for correlation factors of the residual.
         weights: Of each joint, shape (n,), 1 / N m.
         pull: Of the prior in natural sizes; that of inertial parameters gives way to the pull to the nominal bodies.
         margin: Smallest eigenvalue of the scaled pseudo-inertia of each link.
@@ -133,17 +134,23 @@ def plausible_fit(
         bodies = bodies * mass_factors(bodies[:, 9], inner.candidate.phi * scale.parameters, is_stated, relaxed)
         pulled = replace(program, conditions=inner.program.conditions)
         pulled = pull_program(pulled, bodies, filling, inner.candidate.phi, scale)
-        limit, least = chi_square_quantile(LEVEL, base.count), cost(inner)
+        least = cost(inner)
         if settled is None:
+            limit = cost_limit(problem, base.from_standard(inner.candidate.phi * scale.parameters), rows + least)
             answer, weight = largest_weight(pulled, inner, rows, limit)
         else:
-            answer, weight = inner, settled.weight
-            if weight:
-                answer = solve_program(replace(pulled, weight=weight / rows))
+            weight, limit = settled.weight, settled.cost_limit
+            answer = solve_program(replace(pulled, weight=weight / rows)) if weight else inner
         moved = tuple(name for name, is_moved in zip(names, fitted, strict=True) if is_moved)
         wide = tuple(link.name for link in model.robot.links if whole.links[link.name].reach and outgrown(link))
         facts = Plausibility(weight, cost(answer) - least, limit, contradicted, tuple(uniform), moved, wide)
         return PlausibleFit(judged(answer, scale), answer.program, facts)
+
+
+def cost_limit(problem: Problem, beta: Array, cost: float) -> float:
+    """Return by how much the pull may raise the cost of ``beta`` (b,), in residual variances."""
+    region, factor = chi_square_quantile(LEVEL, len(beta)), float(np.min(correlation_of(problem, beta)))
+    return max(region, min(factor * region, ((1.0 + PRICE) ** 2 - 1.0) * cost))
 
 
 def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> tuple[Answer, float]:

@@ -39,7 +39,7 @@ class Plausibility:
     Attributes:
         weight: v of the pull to the nominal bodies, in residual variances; see ``plausible_fit``.
         cost_rise: What the pull raises the weighted residual square by, in residual variances.
-        cost_limit: What it may at most: the 95 % quantile of chi-square with one degree of freedom a base parameter.
+        cost_limit: What it may at most: the 95 % region of the base parameters, see ``plausible_fit``.
         contradicted: Bounds that the data contradict.
         uniform: Links without a possible nominal inertia: the pull is to the uniform body that fills the geometry.
         fitted: Links whose nominal inertia breaks their bounds: the pull is to the nearest body that meets them.
