@@ -118,7 +118,7 @@ def test_a_search_makes_the_rows_once_and_again_where_the_delay_leaves_their_ran
     monkeypatch.setattr(RegressorStream, "segments", lambda *given: made.append(given) or segments(*given))
     how = replace(AUTO, trim_s=trim)
     logs = [late(samples), late(samples, seed=1, start=5.0)]
-    delays, prepared = find_delays(model, base_parameters(model), logs, how)
+    delays, prepared = find_delays(model, base_parameters(model), [preprocess(log, how) for log in logs])
     assert len(made) == (len(logs) if abs(samples) / RATE < max(trim, RANGE) else 2 * len(logs))
     for delay, log in zip(delays, prepared, strict=True):
         assert delay.applied * RATE == pytest.approx(samples, abs=0.1)
@@ -129,7 +129,7 @@ def test_a_torque_moved_by_a_known_time_moves_the_delay_by_it(
     model: DynamicModel, late: Callable[..., Log], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def found(log: Log) -> Delay:
-        return find_delays(model, base_parameters(model), [log], AUTO)[0][0]
+        return find_delays(model, base_parameters(model), [preprocess(log, AUTO)])[0][0]
 
     log = late(1.3, noise=0.05)
     moved = replace(log, torque=fractional_shift(np.asarray(log.torque), 2.45))

@@ -66,7 +66,7 @@ def test_an_estimate_is_whole(model: DynamicModel, log: Log) -> None:
     (kept,) = estimate.provenance["logs"]
     assert kept["steps"][0] == "signals as given" and kept["steps"][1].startswith("400 of 400 samples kept")
     assert estimate.run.seconds >= 0 and estimate.run.iterations >= 1
-    assert steps == ["preprocessing", "base parameters", "reduction", "estimator wls"]
+    assert steps == ["preprocessing", "base parameters and reduction", "estimator wls"]
     np.testing.assert_allclose(estimate.joint_deviations, NOISE, rtol=0.15)
 
 

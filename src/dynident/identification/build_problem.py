@@ -17,10 +17,11 @@ from dynident.identification.problem.choices import Choices, DelayRecord, FieldC
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
+from dynident.identification.selection.friction.column_pool import SharedRows
 from dynident.identification.selection.friction.held_out_fields import (
     choose_fields,
-    compared,
     has_choices,
+    predicts_better,
     without_optional,
 )
 from dynident.identification.selection.friction.load import problem_of, without_load
@@ -82,28 +83,25 @@ def build_problem(
 
         model = replace(model, friction=starting_friction())
     model, finest = _within_logs(model, ordered)
-    prepared, delays = _prepared(without_optional(model), ordered, preprocessing, progress)
+    progress("preprocessing")
+    plain = tuple(preprocess(log, preprocessing) for log in ordered)
+    prepared, delays = _with_delays(without_optional(model), plain, progress)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
-        before, tries = (prepared, choices), partial(choose_fields, progress=progress, finest=finest, made={})
-        model, prepared, choices = _with_chosen_fields(model, ordered, preprocessing, before, progress, tries)
+        shared = SharedRows(plain)
+        tries = partial(choose_fields, progress=progress, finest=finest, shared=shared)
+        model, prepared, choices = _with_chosen_fields(model, plain, (prepared, choices), progress, tries, shared)
     if choose_friction:
         model, friction = _with_chosen_friction(model, prepared, preprocessing.delay_s is None, progress)
         choices = replace(choices, friction_choice=friction)
     if has_varying(model):
         model, varied = vary_fields(model, prepared, progress, finest)
         choices = replace(choices, non_linear=tuple(varied))
-    progress("base parameters")
-    base = base_parameters(model)
-    progress("reduction")
-    problem = problem_of(model, base, prepared)
+    progress("base parameters and reduction")
+    problem = problem_of(model, prepared)
     knowledge.constraints.check(model.robot, model.parameters)
-    return replace(
-        problem,
-        choices=choices,
-        constraints=knowledge.constraints,
-        prior=knowledge.prior and knowledge.prior.for_model(model),
-    )
+    prior = knowledge.prior and knowledge.prior.for_model(model)
+    return replace(problem, choices=choices, constraints=knowledge.constraints, prior=prior)
 
 
 def _resolution(model: DynamicModel, logs: Sequence[Log]) -> Array | None:
@@ -152,11 +150,11 @@ def _within_logs(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel
 
 def _with_chosen_fields(
     model: DynamicModel,
-    logs: Sequence[Log],
-    preprocessing: Preprocessing,
+    plain: Sequence[Prepared],
     before: tuple[Sequence[Prepared], Choices],
     progress: Callable[[str], None],
     choose: Callable[..., tuple[DynamicModel, tuple[FieldChoice, ...]]],
+    shared: SharedRows,
 ) -> tuple[DynamicModel, Sequence[Prepared], Choices]:
     """Return the model with the fields that held-out data ask for, the logs with their delay, and the choice of both.
 
@@ -165,20 +163,20 @@ def _with_chosen_fields(
     that remembers and its delay have to predict better than the best list without it and the delay of that. ``choose``
     is :func:`choose_fields` with what is the same each time.
     """
-    (prepared, choices), first, delay_is_free = before, without_optional(model), preprocessing.delay_s is None
+    (prepared, choices), first, delay_is_free = before, without_optional(model), plain[0].how.delay_s is None
     without, (chosen, held) = choices.delays or (), choose(model, prepared, delay_is_free=delay_is_free)
     for is_last in (False, True) if delay_is_free else ():
         if chosen != first:
-            prepared, delays = _prepared(chosen, logs, preprocessing, progress, without)
+            prepared, delays = _with_delays(chosen, plain, progress, without)
             choices = replace(choices, **delays)
         if not is_last:
             first, (chosen, held) = chosen, choose(model, prepared)
     choices = replace(choices, chosen_fields=held)
     stay = tuple(part for part in model.friction if not (part.lags and part.is_optional))
     if delay_is_free and chosen.lags and len(stay) < len(model.friction):
-        plain = replace(model, friction=stay)
-        other, others, without_it = _with_chosen_fields(plain, logs, preprocessing, before, progress, choose)
-        better, tried = compared(chosen, prepared, other, others)
+        forgetful = replace(model, friction=stay)
+        other, others, without_it = _with_chosen_fields(forgetful, plain, before, progress, choose, shared)
+        better, tried = predicts_better(chosen, prepared, other, others, shared)
         if not better:
             return other, others, replace(without_it, chosen_fields=(*(without_it.chosen_fields or ()), *tried))
     return chosen, prepared, choices
@@ -217,20 +215,18 @@ def _with_chosen_friction(
     return shared, replace(choice.record(), shared=compared)
 
 
-def _prepared(
+def _with_delays(
     model: DynamicModel,
-    logs: Sequence[Log],
-    preprocessing: Preprocessing,
+    plain: Sequence[Prepared],
     progress: Callable[[str], None],
     without: Sequence[DelayRecord] = (),
 ) -> tuple[Sequence[Prepared], dict[str, Any]]:
-    """Return the preprocessed logs, and the delay of each where that is asked for.
+    """Return preprocessed logs with the delay of each taken out, and these delays, where they are asked for.
 
     ``without`` are the delays as they are told without friction that remembers, where that is known.
     """
-    progress("preprocessing")
-    if preprocessing.delay_s is not None:
-        return [preprocess(log, preprocessing) for log in logs], {}
+    if plain[0].how.delay_s is not None:
+        return plain, {}
     from dynident.identification.selection.delay import Delay, common_delay, find_delays  # few need it
 
     progress("time delay between torque and position")
@@ -238,11 +234,11 @@ def _prepared(
     bounds: Sequence[DelayRecord | Delay] = without if simple.lags else ()
     if simple.lags and not bounds:
         forgetful = replace(simple, friction=tuple(part for part in simple.friction if not part.lags))
-        bounds, _ = find_delays(forgetful, base_parameters(forgetful), logs, preprocessing)
+        bounds, _ = find_delays(forgetful, base_parameters(forgetful), plain)
     within = [delay.applied for delay in bounds]
-    delays, prepared = find_delays(simple, base_parameters(simple), logs, preprocessing, within)
+    delays, prepared = find_delays(simple, base_parameters(simple), plain, within)
     table = tuple(
-        DelayRecord(log.name, delay.seconds, delay.deviation, delay.applied)
-        for log, delay in zip(logs, delays, strict=True)
+        DelayRecord(log.log.name, delay.seconds, delay.deviation, delay.applied)
+        for log, delay in zip(plain, delays, strict=True)
     )
     return prepared, {"delays": table, "delay_s": common_delay(delays)}

@@ -15,7 +15,7 @@ from dynident.data.preprocessing.as_given import AsGiven
 from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.identification.build_problem import build_problem
 from dynident.identification.identify import identify
-from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.problem.problem import unreduced
 from dynident.identification.residuals.coloured import spectral_uncertainty
 from dynident.identification.selection.cutoff import choice
 from dynident.identification.selection.cutoff.block_triangles import block_triangles
@@ -107,7 +107,7 @@ def test_the_noise_bias_is_what_noise_does_to_the_mean_estimate(cell: Cell) -> N
 def test_block_covariance_agrees_with_the_spectral_one(cell: Cell) -> None:
     log = cell.log(torque=0.05)
     problem = build_problem(cell.model, [log], replace(HOW, filter=Butterworth(8.0)))
-    blocks = block_triangles(problem.regressor, problem.logs, 0.25, 40)
+    blocks = block_triangles(problem, 0.25, 40)
     assert len(blocks.blocks) == 40
     np.testing.assert_allclose(blocks.influences.sum(axis=0), 0, atol=1e-9 * np.abs(blocks.influences).max())
     beta, weights = blocks.fit
@@ -121,13 +121,13 @@ def test_block_triangles_are_the_rows(cell: Cell) -> None:
     log = replace(cell.exact, torque=cell.log(torque=0.05).torque)
     how = Preprocessing(AsGiven(), rest="keep")
     problem = build_problem(cell.model, [log], how)
-    blocks = block_triangles(problem.regressor, problem.logs, 0.0, 5)
+    blocks = block_triangles(problem, 0.0, 5)
     for whole, own in zip(problem.triangles, blocks.total, strict=True):
         np.testing.assert_allclose(own.factor.T @ own.factor, whole.factor.T @ whole.factor, rtol=1e-9, atol=1e-9)
         assert own.rows == whole.rows
     rest = [log.rows(slice(0, 1600), ""), log.rows(slice(2400, 4000), "")]
-    regressor = RegressorStream(cell.model, cell.base)
-    expected = block_triangles(regressor, [preprocess(part, how) for part in rest], 0.0, 1).fit[0]
+    prepared = [preprocess(part, how) for part in rest]
+    expected = block_triangles(unreduced(cell.model, cell.base, prepared), 0.0, 1).fit[0]
     np.testing.assert_allclose(blocks.without([2]), expected, rtol=1e-7)
 
 

@@ -245,7 +245,8 @@ class _Solve:
         prepared: list[tuple[Prepared, ...]] = []
         for run in runs:
             scaled = [replace(log, torque=np.asarray(log.current) * gains @ coupling) for log in run]
-            found, _ = find_delays(simple, base_parameters(simple), scaled, self.how)
+            plain = [preprocess(log, self.how) for log in scaled]
+            found, _ = find_delays(simple, base_parameters(simple), plain)
             applied = [float(delay.applied) for delay in found]
             delays += applied
             hows = [replace(self.how, delay_s=delay) for delay in applied]

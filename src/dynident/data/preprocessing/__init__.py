@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.log import Log
-from dynident.data.preprocessing._local_polynomials import shifted
+from dynident.data.preprocessing._local_polynomials import fractional_shift, shifted
 from dynident.data.preprocessing._thinning import Thinning
 from dynident.data.preprocessing.base import Filter
 from dynident.data.turns import jumps_of_a_turn
@@ -156,6 +156,14 @@ class Prepared:
         step = int(self.log.rate / self.every / (rows_per_period * bandwidth))
         return self if step < 2 else replace(self, keep=self.keep[::step], every=self.every * step)
 
+    def with_earlier_torque(self, delay_s: float) -> Prepared:
+        """Return the log with a delay of its torque taken out of the torque, so that the rows of the motion stay."""
+        torque = fractional_shift(np.asarray(self.log.torque), -delay_s * self.log.rate)
+        time, slack = self.log.time[self.keep] + delay_s, 1e-6 / self.log.rate
+        inside = (time >= self.log.time[0] - slack) & (time <= self.log.time[-1] + slack)
+        log = replace(self.log, torque=torque)
+        return replace(self, log=log, keep=self.keep[inside], delay_s=self.delay_s + delay_s)
+
     def statement(self) -> dict[str, object]:
         """Return what must stand beside every figure; ``rate_hz`` is the rate of the rows that are used."""
         return {**self.how.statement(), "rate_hz": round(self.log.rate / self.every, 6)}
@@ -174,15 +182,14 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
     """
     check_finite(log)
     check_turns(log)
-    return thinned(log, how.filter.apply(resample(log, how.longest_gap_s)), how, how.delay_s or 0.0)
+    return thinned(how.filter.apply(resample(log, how.longest_gap_s)), how, how.delay_s or 0.0)
 
 
-def thinned(log: Log, filtered: Log, how: Preprocessing, delay_s: float = 0.0) -> Prepared:
+def thinned(filtered: Log, how: Preprocessing, delay_s: float = 0.0) -> Prepared:
     """Return a filtered log with its motion shifted by the delay of the torque, and the rows of it that are used.
 
     Args:
-        log: As it came.
-        filtered: The same on a uniform grid, filtered.
+        filtered: The log on a uniform grid, filtered.
         how: The preprocessing; its own delay is left aside.
         delay_s: By how much the torque lags behind the positions, in s.
 
@@ -207,9 +214,9 @@ def thinned(log: Log, filtered: Log, how: Preprocessing, delay_s: float = 0.0) -
         filtered = filtered.with_step(f"{count} samples near gaps in time left out")
         filtered = replace(filtered, source=replace(filtered.source, gap_samples=count))
     if len(keep) < 2:
-        length = log.time[-1] - log.time[0]
-        kept = f"{len(keep)} of {log.samples} samples are left after {how.trim_s:.3g} s trimmed at each end"
-        raise LogMismatch(log.name, f"its {length:.3g} s are too short: {kept}", "give a longer log, or trim less")
+        kept = f"{len(keep)} of {filtered.samples} samples are left after {how.trim_s:.3g} s trimmed at each end"
+        evidence = f"its {filtered.duration:.3g} s are too short: {kept}"
+        raise LogMismatch(filtered.name, evidence, "give a longer log, or trim less")
     return Prepared(filtered, keep, how, every, delay_s)
 
 

@@ -66,5 +66,5 @@ def fractional_shift(signal: Array, samples: float, rows: IntArray | None = None
         others = nodes[nodes != node]
         weight = float(np.prod((place - others) / (node - others)))
         if weight:
-            found += weight * signal[np.clip(index + node, 0, len(signal) - 1)]
+            found += weight * np.take(signal, index + node, axis=0, mode="clip")
     return found

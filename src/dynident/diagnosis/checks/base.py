@@ -58,7 +58,7 @@ class CheckedLog:
         model = replace(self.fit.model, friction=(*self.fit.model.friction, *more))  # a bend passes for a lead
         base = base_of(model) if more else self.fit.base
         try:
-            (found,), _ = find_delays(model, base, [self.fit.log], self.fit.how)
+            (found,), _ = find_delays(model, base, [self.fit.rows.prepared])
         except DynidentError:
             return None
         sure = abs(found.seconds) > SURE_DELAY * found.deviation

@@ -183,16 +183,23 @@ def make_problem(
     check_temperature(model, logs)
     check_motion(model, logs)
     check_torque(model, logs)
-    masks = tuple(counting_rows(model, log) for log in logs)
-    regressor = RegressorStream(model, base, load)
+    problem = unreduced(model, base, logs, load)
+    regressor, masks = problem.regressor, problem.masks
     kept = before.updated(regressor) if before is not None and before.has_logs(logs) else None
     kept = kept or kept_rows(regressor, logs)
     made = kept.segments if kept is not None else [None] * len(logs)
     parts = [regressor.triangles(log, mask, own) for log, mask, own in zip(logs, masks, made, strict=True)]
     triangles = tuple(first.merged(rest) for first, *rest in zip(*parts, strict=True))
-    problem = Problem(model, base, tuple(logs), masks, triangles, load, kept=kept)
+    problem = replace(problem, triangles=triangles, kept=kept)
     check_rank(problem.reduced(), base)
     return problem
+
+
+def unreduced(
+    model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared], load: Array | None = None
+) -> Problem:
+    """Return the problem of preprocessed logs without its triangles; arguments as of :func:`make_problem`."""
+    return Problem(model, base, tuple(logs), tuple(counting_rows(model, log) for log in logs), (), load)
 
 
 def counting_rows(model: DynamicModel, prepared: Prepared) -> BoolArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -89,6 +88,7 @@ class _TurnedEnds:
     def __init__(self, make: Make, sizes: Sequence[int], samples: int, pad: int) -> None:
         self.make, self.sizes, self.samples, self.pad = make, sizes, samples, pad
         self._blocks: list[Array] = []
+        self._ends: dict[int, list[Array]] = {}
 
     def blocks(self, low: int, high: int) -> list[Array]:
         """Return [W_i, tau_i]' over samples ``low`` to ``high``, shape (K_i + 1, high - low); overwritten by the next.
@@ -104,24 +104,26 @@ class _TurnedEnds:
                 block[:, first - low : stop - low] = own
         if low < 0:
             before = np.maximum(np.arange(low, min(high, 0)), -self.pad)
-            for block, head in zip(found, self._head, strict=True):
+            for block, head in zip(found, self._end(0), strict=True):
                 block[:, : len(before)] = 2.0 * head[:, :1] - head[:, -before]
         if high > self.samples:
             after = np.minimum(np.arange(max(low, self.samples), high) - self.samples + 1, self.pad)
-            for block, tail in zip(found, self._tail, strict=True):
+            for block, tail in zip(found, self._end(self.samples - 1 - self.pad), strict=True):
                 block[:, block.shape[1] - len(after) :] = 2.0 * tail[:, -1:] - tail[:, self.pad - after]
         return found
 
-    @cached_property
-    def _head(self) -> list[Array]:
-        return [block.copy() for block in self._made(0, self.pad + 1)]
-
-    @cached_property
-    def _tail(self) -> list[Array]:
-        return [block.copy() for block in self._made(self.samples - 1 - self.pad, self.samples)]
+    def _end(self, begin: int) -> list[Array]:
+        """Return the samples of an end that are turned about it, which may have been made with others."""
+        if begin not in self._ends:
+            self._made(begin, begin + self.pad + 1)
+        return self._ends[begin]
 
     def _made(self, first: int, stop: int) -> list[Array]:
         if not self._blocks or self._blocks[0].shape[1] != stop - first:  # fresh memory costs more than what is written
             self._blocks = [np.empty((size + 1, stop - first)) for size in self.sizes]
         self.make(slice(first, stop), self._blocks)
+        for begin in (0, self.samples - 1 - self.pad):
+            if first <= begin and begin + self.pad < stop:
+                inside = slice(begin - first, begin - first + self.pad + 1)
+                self._ends[begin] = [block[:, inside].copy() for block in self._blocks]
         return self._blocks

@@ -45,9 +45,10 @@ def _integrated(residual: Array, keep: BoolArray, longest: float) -> float:
     if np.count_nonzero(keep) < 2:
         return 1.0
     centred = np.where(keep, residual - residual[keep].mean(), 0.0)
-    size = 2 ** int(np.ceil(np.log2(2 * len(centred))))
+    lags = max(2, int(longest * len(centred)))
+    size = 2 ** int(np.ceil(np.log2(len(centred) + lags)))  # so that none of these lags comes round
     spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
-    covariance = np.fft.irfft(spectrum, size)[: max(2, int(longest * len(centred)))]
+    covariance = np.fft.irfft(spectrum, size)[:lags]
     if covariance[0] <= 0:
         return 1.0
     rho = covariance / covariance[0]

@@ -20,8 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.data.log import Log
-from dynident.data.preprocessing import LONGEST_DELAY, Prepared, Preprocessing, preprocess, thinned
+from dynident.data.preprocessing import LONGEST_DELAY, Prepared, thinned
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.residuals.quantiles import chi_square_tail, normal_share, student_quantile
@@ -60,7 +59,7 @@ class Delay:
 
 
 def find_delays(
-    model: DynamicModel, base: BaseParameters, logs: Sequence[Log], how: Preprocessing, within: Sequence[float] = ()
+    model: DynamicModel, base: BaseParameters, plain: Sequence[Prepared], within: Sequence[float] = ()
 ) -> tuple[tuple[Delay, ...], tuple[Prepared, ...]]:
     """Return the delay of each log, and the logs with their motion shifted by it.
 
@@ -70,15 +69,13 @@ def find_delays(
     Args:
         model: A model whose friction does not depend on the load.
         base: Its base parameters.
-        logs: Raw logs, joints in the order of the robot.
-        how: How they become rows.
+        plain: Preprocessed logs, joints in the order of the robot, motion and torque as they came.
         within: The delays in s without friction that remembers, where the model has some; else none.
 
     Raises:
         LogMismatch: A log is too short.
     """
-    plain = [preprocess(log, how) for log in logs]
-    search = _DelaySearch(RegressorStream(model, base), logs, plain)
+    search = _DelaySearch(RegressorStream(model, base), plain)
     whole, careful = _asked_by_all_rows(search), _away_from_reversals(search)
     asked = tuple(max(pair, key=lambda one: one.applied) for pair in zip(careful, whole, strict=True))
     applied = [np.array([delay.applied for delay in found]) for found in (careful, asked)]
@@ -91,9 +88,8 @@ def find_delays(
             replace(delay, applied=min(max(delay.applied, low), high))
             for delay, (low, high) in zip(careful, ends, strict=True)
         )
-    parts = zip(logs, plain, careful, strict=True)
-    moved = (thinned(raw, log.log, how, delay.applied) if delay.applied else log for raw, log, delay in parts)
-    return careful, tuple(moved)
+    parts = zip(plain, careful, strict=True)
+    return careful, tuple(thinned(log.log, log.how, delay.applied) if delay.applied else log for log, delay in parts)
 
 
 def common_delay(delays: Sequence[Delay]) -> float:
@@ -146,13 +142,14 @@ class _Step:
 class _DelaySearch:
     """The delays as far as they are known, and the rows of the logs."""
 
-    def __init__(self, regressor: RegressorStream, logs: Sequence[Log], plain: Sequence[Prepared]) -> None:
+    def __init__(self, regressor: RegressorStream, plain: Sequence[Prepared]) -> None:
         self.regressor = regressor
-        self.prepared = [dense_rows(raw, log) for raw, log in zip(logs, plain, strict=True)]
+        self.prepared = [dense_rows(log) for log in plain]
         self.part = -(-sum(len(log.keep) for log in self.prepared) // MOST)
         self.rows = [DelayRows(regressor, log, -RANGE, RANGE, self.part) for log in self.prepared]
-        self.seconds: Array = np.zeros(len(logs))
-        self.beta = _weighted_fit(regressor.base.count, self._merged([log.shares() for log in self.rows], self.seconds))
+        self.seconds: Array = np.zeros(len(plain))
+        shares = [log.shares() for log in self.rows]
+        self.beta = _weighted_fit(regressor.base.count, _merged(shares, self._torques(self.seconds)))
 
     def settled(self, away: BoolArray | None = None, *, pooled: bool = False) -> _Step:
         """Take steps until they are short, and return the last; arguments as of :meth:`step`."""
@@ -174,7 +171,7 @@ class _DelaySearch:
             pooled: Whether what the joints differ by counts as noise of their rows, not as a doubt of its own.
         """
         masks = [log.away if only else log.counting for log, only in zip(self.rows, away, strict=True)]
-        torques = [log.torque(delay) for log, delay in zip(self.rows, self.seconds.tolist(), strict=True)]
+        torques = self._torques(self.seconds)
         predicted = [log.predicted(self.beta) for log in self.rows]
         residuals = [torque - model for torque, model in zip(torques, predicted, strict=True)]
         squares = sum(np.sum(np.where(mask, r, 0.0) ** 2, axis=0) for mask, r in zip(masks, residuals, strict=True))
@@ -202,7 +199,8 @@ class _DelaySearch:
 
         That is the joints' mean logarithm of the mean square.
         """
-        parts = [self._merged([log.part(k) for log in self.rows], seconds) for k in range(PARTS)]
+        torques = self._torques(seconds)
+        parts = [_merged([log.part(k) for log in self.rows], torques) for k in range(PARTS)]
         squares, rows = np.zeros(self.regressor.model.robot.dof), np.zeros(self.regressor.model.robot.dof)
         for k, left_out in enumerate(parts):
             seen = [first.merged(rest) for first, *rest in zip(*parts[:k], *parts[k + 1 :], strict=True)]
@@ -218,13 +216,18 @@ class _DelaySearch:
                 low, high = min(log.low, delay - RANGE), max(log.high, delay + RANGE)
                 self.rows[k] = DelayRows(self.regressor, self.prepared[k], low, high, self.part)
 
-    def _merged(self, shares: Sequence[Sequence[Share]], seconds: Array) -> list[Triangle]:
-        """Return the triangle of each joint of shares of all logs under delays (L,)."""
-        found = []
-        for log, own, delay in zip(self.rows, shares, seconds.tolist(), strict=True):
-            torque = log.torque(delay)
-            found.append([share.triangle(torque[:, i]) for i, share in enumerate(own)])
-        return [first.merged(rest) for first, *rest in zip(*found, strict=True)]
+    def _torques(self, seconds: Array) -> list[Array]:
+        """Return the torques (N, n) that belong to the rows of each log under delays (L,)."""
+        return [log.torque(delay) for log, delay in zip(self.rows, seconds.tolist(), strict=True)]
+
+
+def _merged(shares: Sequence[Sequence[Share]], torques: Sequence[Array]) -> list[Triangle]:
+    """Return the triangle of each joint of shares of all logs with torques (N, n) of each log."""
+    found = [
+        [share.triangle(torque[:, i]) for i, share in enumerate(own)]
+        for own, torque in zip(shares, torques, strict=True)
+    ]
+    return [first.merged(rest) for first, *rest in zip(*found, strict=True)]
 
 
 def _common(delays: Array, covariance: Array, pooled: bool) -> tuple[float, float, bool]:

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, thinned
 from dynident.data.preprocessing._local_polynomials import fractional_shift
 from dynident.identification.problem.problem import counting_rows
@@ -145,13 +144,13 @@ class DelayRows:
         return found
 
 
-def dense_rows(log: Log, plain: Prepared) -> Prepared:
+def dense_rows(plain: Prepared) -> Prepared:
     """Return a preprocessed log with so many rows in a period of the cut-off that they tell its slopes, and no more."""
     cutoff = plain.how.filter.bandwidth()
     filtered = cutoff is not None and plain.how.filter.reach(plain.log.rate) > 0
     if filtered and plain.log.rate / plain.every < ROWS * float(cutoff or 0.0):
         how = replace(plain.how, rate_hz=None, rows_per_period=ROWS)
-        return thinned(log, plain.log, how)
+        return thinned(plain.log, how)
     return plain.sparser(ROWS)
 
 

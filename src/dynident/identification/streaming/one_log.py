@@ -12,7 +12,7 @@ import numpy as np
 
 from dynident.data.formats import LogStream
 from dynident.data.log import Log
-from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing import Preprocessing, preprocess
 from dynident.errors import DynidentError, LogMismatch
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.selection.cutoff.choice import LONGEST_S, with_cutoff
@@ -70,7 +70,7 @@ def settled(setup: StreamSetup, path: Path, progress: Callable[[str], None]) -> 
     preprocessing = with_cutoff(model, [head], preprocessing, progress)[0]
     if preprocessing.delay_s is None:
         progress("time delay between torque and position")
-        (delay,), _ = find_delays(model, base_parameters(model), [head], preprocessing)
+        (delay,), _ = find_delays(model, base_parameters(model), [preprocess(head, preprocessing)])
         preprocessing = replace(preprocessing, delay_s=delay.applied)
     return preprocessing
 

@@ -71,8 +71,7 @@ def noise_bias(
     """
     even = [resample(log, problem.preprocessing.longest_gap_s) for log in logs]
     noise = [np.sqrt(noise_floor(log.q, log.rate) * log.rate / 2) for log in even]
-    if problem.load is not None:
-        problem = with_load(problem, estimate.beta)
+    problem = with_load(problem, estimate.beta)
     try:
         if not _may_matter(estimate, problem, even, noise):
             return None

@@ -64,8 +64,7 @@ def with_diagnostics(
     """
     if draws and draws < FEWEST_DRAWS:
         raise BadOption("bootstrap", draws, f"give {FEWEST_DRAWS} draws or more, such as 200")
-    if "torque" in problem.model.needs:
-        problem = with_load(problem, estimate.beta)
+    problem = with_load(problem, estimate.beta)
     refit = estimator.refit(problem, estimate.run) if draws or (folds and estimator.fits_folds) else None
     found: dict[str, Any] = diagnose(problem, estimator, estimate.beta, folds, refit).figures()
     found["bootstrap"] = _bootstrap(estimate, problem, refit, draws) if draws else None

@@ -378,7 +378,7 @@ class Friction(ABC):
         for name in self.needs:
             if getattr(motion, name) is None:
                 raise BadOption("friction", type(self).__module__.rsplit(".", 1)[-1], _LACKING[name])
-        state = () if motion.state is None else np.moveaxis(motion.state, -1, 0)
+        state = () if motion.state is None else motion.state.transpose(2, 0, 1)
         return {
             "q": (motion.q,),
             "dq": (motion.dq,),
@@ -408,7 +408,7 @@ def _stacked(values: Sequence[Any], shape: tuple[int, ...]) -> Array:
     for k, value in enumerate(values):
         if np.shape(value) or value:
             found[k] = value
-    return np.moveaxis(found, 0, -1)
+    return found.transpose(1, 2, 0)
 
 
 def check_positive(value: float, name: str, what: str) -> None:

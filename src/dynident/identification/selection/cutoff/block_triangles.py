@@ -7,19 +7,18 @@ residuals remember.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from dynident.arrays import Array, IntArray
-from dynident.data.preprocessing import Prepared
-from dynident.identification.problem.problem import check_rank, counting_rows
+from dynident.arrays import Array
+from dynident.identification.problem.problem import Problem, check_rank
 from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.lapack import solve_upper
-from dynident.model.reduction import CHUNK, Reduced, Triangle, reduce, triangle_of
+from dynident.model.reduction import Reduced, Triangle, reduce
 from dynident.model.threads import one_blas_thread
 
 #: Passes of weighting.
@@ -80,49 +79,19 @@ class BlockTriangles:
         return weighted_fit(merged(rest), self.regressor.base.count)[0]
 
 
-def block_triangles(
-    regressor: RegressorStream, logs: Sequence[Prepared], shortest_s: float, most: int
-) -> BlockTriangles:
-    """Return the triangles of blocks of time of preprocessed logs.
+def block_triangles(problem: Problem, shortest_s: float, most: int) -> BlockTriangles:
+    """Return the triangles of blocks of time of the logs of a problem.
 
     Args:
-        regressor: Makes the rows.
-        logs: Preprocessed logs.
+        problem: The logs and what makes their rows; its own triangles are not asked for.
         shortest_s: Length of a block in s at least.
         most: Number of blocks at most, over all logs; a log has one at least.
     """
-    total = sum(log.kept.duration for log in logs)
-    length = max(shortest_s, total / most, 1e-9)
-    found: list[tuple[Triangle, ...]] = []
-    for log in logs:
+    length, edges = max(shortest_s, sum(log.kept.duration for log in problem.logs) / most, 1e-9), [0]
+    for log in problem.logs:
         count = max(1, int(log.kept.duration / length))
-        edges = np.linspace(0, len(log.keep), count + 1).round().astype(np.int64)
-        found += _of_log(regressor, log, edges)
-    return BlockTriangles(tuple(found), regressor)
-
-
-def _of_log(regressor: RegressorStream, log: Prepared, edges: IntArray) -> list[tuple[Triangle, ...]]:
-    mask = counting_rows(regressor.model, log)
-    sizes = [len(own) + 1 for own in regressor.columns]
-    factors: list[list[Array]] = [[np.zeros((0, size)) for size in sizes] for _ in edges[1:]]
-    with one_blas_thread():
-        for part, rows in regressor.segments(log):
-            for b, (first, last) in enumerate(itertools.pairwise(edges.tolist())):
-                start, stop = max(first, part.start), min(last, part.stop)
-                for at in range(start, stop, CHUNK):
-                    cut = slice(at - part.start, min(at + CHUNK, stop) - part.start)
-                    chosen = mask[at : min(at + CHUNK, stop)]
-                    for i, block in enumerate(rows):
-                        own = block[:, cut][:, chosen[:, i]].T
-                        factors[b][i] = triangle_of(np.concatenate([factors[b][i], own]))
-    counts = [mask[a:z].sum(axis=0) for a, z in itertools.pairwise(edges.tolist())]
-    return [
-        tuple(
-            Triangle(own, factor, int(rows))
-            for own, factor, rows in zip(regressor.columns, block, count.tolist(), strict=True)
-        )
-        for block, count in zip(factors, counts, strict=True)
-    ]
+        edges += (edges[-1] + np.linspace(0, len(log.keep), count + 1)[1:].round()).astype(int).tolist()
+    return BlockTriangles(tuple(RowPasses(problem).intervals(edges)), problem.regressor)
 
 
 def merged(blocks: Sequence[tuple[Triangle, ...]]) -> tuple[Triangle, ...]:

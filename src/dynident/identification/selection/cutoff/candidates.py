@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from dynident.data.log import Log
 from dynident.data.preprocessing import ROWS_PER_PERIOD, Preprocessing, preprocess
 from dynident.data.preprocessing._zero_phase import low_passed
 from dynident.errors import DynidentError
+from dynident.identification.problem.problem import unreduced
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.selection.cutoff.block_triangles import BlockTriangles, block_triangles
 from dynident.model.base_parameters import BaseParameters
@@ -88,11 +88,6 @@ class Bench:
     noise: tuple[Array, ...]
     share: float = 1.0
 
-    @cached_property
-    def regressor(self) -> RegressorStream:
-        """What makes the rows."""
-        return RegressorStream(self.model, self.base)
-
     def candidate(self, hertz: float) -> CutoffCandidate | None:
         """Return the estimate at a cut-off; None where the rows do not determine it, or not how sure it is."""
         if self._independent(hertz) < FEWEST_ROWS * self.base.count:
@@ -119,7 +114,7 @@ class Bench:
         for log, noise, delay in zip(self.logs, self.noise, self.delays, strict=True):
             noisy = replace(log, q=log.q + added * noise * generator.normal(size=log.q.shape)) if added else log
             prepared.append(preprocess(thinned_out(noisy, SAMPLES_PER_HZ * hertz), replace(how, delay_s=delay)))
-        return block_triangles(self.regressor, prepared, PERIODS / hertz, BLOCKS)
+        return block_triangles(unreduced(self.model, self.base, prepared), PERIODS / hertz, BLOCKS)
 
     def at(self, hertz: float) -> Preprocessing:
         """Return the preparation at a cut-off."""
@@ -133,11 +128,11 @@ class Bench:
             beta: Base parameters, shape (b,).
             hertz: The cut-off.
         """
-        logs = []
+        logs, regressor = [], RegressorStream(self.model, self.base)
         for log in self.logs:
             thin = thinned_out(log, SAMPLES_PER_HZ * hertz)
             smooth = self.at(hertz).filter.apply(thin)
-            logs.append(replace(thin, q=smooth.q, torque=self.regressor.predict(smooth, beta)))
+            logs.append(replace(thin, q=smooth.q, torque=regressor.predict(smooth, beta)))
         return replace(self, logs=tuple(logs), delays=(0.0,) * len(logs))
 
     def filter_bias(self, beta: Array, hertz: float) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.log import Log
-from dynident.data.preprocessing import Preprocessing, resample
+from dynident.data.preprocessing import Preprocessing, preprocess, resample
 from dynident.data.preprocessing._spectra import Spectra, spectra_of
 from dynident.data.preprocessing.butterworth import STATED_HZ
 from dynident.errors import DynidentError
@@ -185,7 +185,8 @@ def choose_cutoff(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) 
         base = base_parameters(simple)
         delays = [0.0 if how.delay_s is None else how.delay_s] * len(seen)
         if how.delay_s is None:
-            delays = [delay.applied for delay in find_delays(simple, base, seen, pilot)[0]]
+            plain = [preprocess(log, pilot) for log in seen]
+            delays = [delay.applied for delay in find_delays(simple, base, plain)[0]]
         noise = tuple(each.deviation for each in spectra)
         bench = Bench(simple, base, seen, tuple(delays), how, noise, share)
         lowest = 0.5 * max(float(each.excited_hz.max()) for each in spectra)

@@ -13,7 +13,7 @@ from dynident.data.preprocessing import ROWS_PER_PERIOD, Prepared, preprocess, r
 from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.choices import CutoffSensitivity, CutoffTrial
-from dynident.identification.problem.problem import Problem
+from dynident.identification.problem.problem import Problem, unreduced
 from dynident.identification.selection.cutoff.block_triangles import BlockTriangles, block_triangles
 from dynident.identification.selection.cutoff.candidates import SAMPLES_PER_HZ, thinned_out
 from dynident.model.lapack import solve_upper
@@ -36,14 +36,14 @@ def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]
 
     Args:
         estimate: The estimate, with its own load where friction depends on it.
-        problem: What it solves.
+        problem: What it solves, with the load of the estimate.
         logs: The raw logs of the problem, joints in the order of the robot.
     """
     stated = problem.logs[0].how.filter.shared_cutoff()
     if stated is None:
         return None
     try:
-        own = _blocks(estimate, problem, logs, stated)
+        own = block_triangles(problem, 0.0, FOLDS)
     except DynidentError:
         return None
     rows = [_figures(estimate, own, own, stated, stated)]
@@ -52,7 +52,7 @@ def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]
         if hertz > HIGHEST * min(log.log.rate for log in problem.logs):
             continue
         try:
-            other = _blocks(estimate, problem, logs, hertz)
+            other = _blocks(problem, logs, hertz)
             rows.append(_figures(estimate, own, other, stated, hertz))
         except DynidentError:
             continue
@@ -60,14 +60,13 @@ def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]
     return CutoffSensitivity(stated, len(own.blocks), table) if len(table) > 1 else None
 
 
-def _blocks(estimate: Estimate, problem: Problem, logs: Sequence[Log], hertz: float) -> BlockTriangles:
+def _blocks(problem: Problem, logs: Sequence[Log], hertz: float) -> BlockTriangles:
     prepared: list[Prepared] = []
     for log, used in zip(logs, problem.logs, strict=True):
         filter = used.how.filter.with_cutoff(hertz)
         how = replace(used.how, filter=filter, delay_s=used.delay_s, rate_hz=None, rows_per_period=ROWS_PER_PERIOD)
         prepared.append(preprocess(thinned_out(resample(log, how.longest_gap_s), 2 * SAMPLES_PER_HZ * hertz), how))
-    regressor = replace(problem, load=None if problem.load is None else estimate.beta).regressor
-    return block_triangles(regressor, prepared, 0.0, FOLDS)
+    return block_triangles(unreduced(problem.model, problem.base, prepared, problem.load), 0.0, FOLDS)
 
 
 def _figures(

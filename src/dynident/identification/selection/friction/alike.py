@@ -25,7 +25,6 @@ from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cross_validation import cross_validate
 from dynident.identification.selection.friction.friction_choice import as_good
 from dynident.identification.selection.friction.load import problem_of
-from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, shared_parts
 
@@ -76,13 +75,13 @@ def same_for_all(
     if not usual and all(part.joints is None for part in model.friction):
         return model, ()
     progress("friction: all drives alike")
-    own = _problem(model, logs)
+    own = problem_of(model, logs)
     shared = shared_lists()
     try:
         scale = own.joint_deviations(Consistent(bodies="free").solve(own).beta)
         held = fold_errors(own, scale)
     except SolverFailed:  # parts of their own that hardly differ: what is alike and has a solution is taken
-        own = _problem(replace(model, friction=_alike(shared[0], usual, model.friction)), logs)
+        own = problem_of(replace(model, friction=_alike(shared[0], usual, model.friction)), logs)
         scale, held = own.joint_deviations(Consistent(bodies="free").solve(own).beta), np.array([np.inf])
     if held is None:
         return model, ()
@@ -92,7 +91,7 @@ def same_for_all(
     for friction in (*lists, *([usual] if usual and usual not in lists else [])):
         parts = tuple(dict.fromkeys(FRICTION.name_of(part) for part in friction))
         try:
-            score = fold_errors(_problem(replace(model, friction=friction), logs), scale)
+            score = fold_errors(problem_of(replace(model, friction=friction), logs), scale)
         except (PoorExcitation, SolverFailed):  # the logs do not determine it
             continue
         if score is not None:
@@ -132,10 +131,6 @@ def _like(name: str, chosen: Sequence[Friction]) -> Friction:
     most = max(own, key=lambda part: np.inf if part.joints is None else len(part.joints))
     options = {f.name: getattr(most, f.name) for f in fields(most) if f.name != "joints"}
     return FRICTION.make(name, options)
-
-
-def _problem(model: DynamicModel, logs: Sequence[Prepared]) -> Problem:
-    return problem_of(model, base_parameters(model), logs)
 
 
 def fold_errors(problem: Problem, scale: Array) -> Array | None:

@@ -21,11 +21,15 @@ from dynident.data.preprocessing import Prepared
 from dynident.data.preprocessing._local_polynomials import fractional_shift
 from dynident.identification.problem.problem import counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream, RowSegment
+from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.nested_fits import NestedFits, fit
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.base import Coefficient, Friction, Inputs, Motion, Number, State
 from dynident.model.robot import Robot
+
+#: Rows in a period of the filter's cut-off that are compared.
+ROWS = 8.0
 
 #: Bytes that rows of friction columns may take between two pools.
 KEPT = 2**28
@@ -44,7 +48,7 @@ class PartCandidate(Friction):
     part: Friction
     label: str
 
-    @property
+    @cached_property
     def coefficients(self) -> tuple[Coefficient, ...]:  # type: ignore[override]
         """Those of the part, with symbols of their own."""
         each = (tuple(getattr(c, f.name) for f in fields(c)) for c in self.part.coefficients)
@@ -284,6 +288,33 @@ class PooledLogs:
         )
         start = None if self._start is None else np.append(self._start, np.zeros(count - rigid.count))
         return RegressorStream(whole, base, start, only="friction")
+
+
+class SharedRows:
+    """Rows of logs whose delays differ from choice to choice: the torque moves against the motion, whose rows stay.
+
+    The load of the drives is that of the first choice.
+    """
+
+    def __init__(self, plain: Sequence[Prepared]) -> None:
+        self._plain = [log.sparser(ROWS) for log in plain]
+        self._made: dict[tuple[int, ...], dict[Friction, list[FrictionRows]]] = {}
+        self._load: Array | None = None
+
+    def under(self, logs: Sequence[Prepared]) -> list[Prepared]:
+        """Return the logs with the delays of preprocessed ones."""
+        pairs = zip(self._plain, logs, strict=True)
+        return [plain.with_earlier_torque(log.delay_s - plain.delay_s) for plain, log in pairs]
+
+    def load(self, model: DynamicModel, logs: Sequence[Prepared]) -> Array:
+        """Return the standard parameters (10 l,) whose torque loads the drives."""
+        if self._load is None:
+            self._load = default_load(model, logs)
+        return self._load
+
+    def made(self, logs: Sequence[Prepared]) -> dict[Friction, list[FrictionRows]]:
+        """Return the rows of friction parts that choices have left for logs under their delays."""
+        return self._made.setdefault(tuple(len(log.keep) for log in logs), {})
 
 
 def _labelled(robot: Robot, parts: Sequence[Friction]) -> DynamicModel:

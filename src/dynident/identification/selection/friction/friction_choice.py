@@ -24,7 +24,7 @@ from dynident.data.preprocessing import Prepared
 from dynident.errors import BrokenPart, LogMismatch
 from dynident.identification.problem.choices import FrictionRecord, FrictionScore
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs
+from dynident.identification.selection.friction.column_pool import ROWS, ColumnPool, PooledLogs
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.nested_fits import NestedFits
 from dynident.identification.selection.friction.variable_projection import vary_fields
@@ -40,9 +40,6 @@ NOTHING = 5e-3
 
 #: Chance with which a choice may be taken that is no better.
 CHANCE = 0.05
-
-#: Rows in a period of the filter's cut-off that are looked at.
-ROWS = 8.0
 
 #: Blocks of rows at least; parts of a drive at most; rounds over the drives.
 BLOCKS, LONGEST, ROUNDS = 8, 8, 2

@@ -22,7 +22,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -30,18 +29,14 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import PooledLogs
+from dynident.identification.selection.friction.column_pool import PooledLogs, SharedRows
 from dynident.identification.selection.friction.held_out_errors import HeldOut
-from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.variable_projection import all_spans
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
 
 #: Blocks of rows at least, and of logs too short for these.
 BLOCKS, OF_SHORT_LOGS = 16, 8
-
-#: Rows in a period of the filter's cut-off that are compared.
-ROWS = 8.0
 
 #: Values of a field over its range, and between the neighbours of the best of them where that is taken.
 COARSE, FINE = 13, 7
@@ -78,7 +73,7 @@ def choose_fields(
     progress: Callable[[str], None] = lambda step: None,
     delay_is_free: bool = False,
     finest: Array | None = None,
-    made: dict[Any, Any] | None = None,
+    shared: SharedRows | None = None,
 ) -> tuple[DynamicModel, tuple[FieldChoice, ...]]:
     """Return the model with the stated or the best values of the fields that its parts leave to the logs, and why.
 
@@ -88,21 +83,20 @@ def choose_fields(
         progress: Called with each step in words.
         delay_is_free: Whether a delay of the torque is free in what is compared.
         finest: Resolution of the positions of each drive, shape (n,), in rad or m; None where it is not known.
-        made: What a choice of the same logs can take from an earlier one, which leaves it there.
+        shared: Rows that choices share whose logs differ in their delays alone; None for rows of their own.
 
     Raises:
         BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
     """
     pieces = [_by_unit(model, part) if set(part.choose or ()) - {WHOLE} else (part,) for part in model.friction]
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
-    given, logs = logs, [log.sparser(ROWS) for log in logs]
-    load = default_load(without_optional(model), logs) if "torque" in model.needs else None
-    key = (*map(id, given), None if load is None else load.tobytes())
-    rows = ({} if made is None else made).setdefault(key, (given, {}))[1]
+    shared = SharedRows(logs) if shared is None else shared
+    logs = shared.under(logs)
+    load = shared.load(without_optional(model), logs) if "torque" in model.needs else None
     spans = all_spans(model, logs, "choose", finest)
     shares = _shares_of_delay(model, logs)
     for blocks in (BLOCKS, OF_SHORT_LOGS):
-        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares, rows)
+        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares, shared.made(logs))
         search = _FieldSearch(model, pooled, spans, progress)
         if search.tells:
             break
@@ -126,19 +120,25 @@ def choose_fields(
     return replace(model, friction=kept), tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
 
 
-def compared(
-    model: DynamicModel, logs: Sequence[Prepared], other: DynamicModel, others: Sequence[Prepared]
+def predicts_better(
+    model: DynamicModel,
+    logs: Sequence[Prepared],
+    other: DynamicModel,
+    others: Sequence[Prepared],
+    shared: SharedRows | None = None,
 ) -> tuple[bool, tuple[FieldChoice, ...]]:
     """Return whether a model predicts held-out stretches better than another one, and what its parts with a state do.
 
-    Each with the logs under its own delay; ``others`` are the same logs under that of the other one.
+    Each with the logs under its own delay; ``others`` are the same logs under that of the other one. ``shared`` are the
+    rows that choices of the same logs have left.
     """
+    shared = SharedRows(logs) if shared is None else shared
     found: list[Array] = []
     weights = None
     for each, rows in ((other, others), (model, logs)):
-        own = [log.sparser(ROWS) for log in rows]
-        load = default_load(each, own) if "torque" in each.needs else None
-        pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load).pool(each.friction)
+        own = shared.under(rows)
+        load = shared.load(each, own) if "torque" in each.needs else None
+        pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load, made=shared.made(own)).pool(each.friction)
         drives = range(each.robot.dof)
         parts = [[p for p, part in enumerate(each.friction) if drive in each.drives_of(part)] for drive in drives]
         weights = pool.weights(parts) if weights is None else weights

@@ -15,7 +15,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.problem import Problem, make_problem
-from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.reduction import least_squares
 
@@ -31,23 +31,16 @@ def without_load(model: DynamicModel) -> DynamicModel:
     return replace(model, friction=tuple(part for part in model.friction if "torque" not in part.needs))
 
 
-def problem_of(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared]) -> Problem:
-    """Return the problem of a model, by :func:`loaded_problem` where its friction depends on the load.
+def problem_of(model: DynamicModel, logs: Sequence[Prepared]) -> Problem:
+    """Return the problem of a model; where its friction depends on the load, with that of a fit without those parts.
 
     Raises:
         LogMismatch: See :func:`make_problem`.
         PoorExcitation: The rows do not determine all base parameters.
     """
-    return loaded_problem(model, base, logs) if "torque" in model.needs else make_problem(model, base, logs)
-
-
-def loaded_problem(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared]) -> Problem:
-    """Return the problem of a model whose friction depends on the load, the load that of a fit without those parts.
-
-    Raises:
-        LogMismatch: See :func:`make_problem`.
-        PoorExcitation: The rows do not determine all base parameters.
-    """
+    base = base_parameters(model)
+    if "torque" not in model.needs:
+        return make_problem(model, base, logs)
     simple = without_load(model)
     first, standard = _first_fit(simple, logs)
     known = dict(zip((p.name for p in simple.parameters), standard.tolist(), strict=True))
@@ -77,6 +70,8 @@ def agrees(problem: Problem, beta: Array) -> bool:
 
 
 def with_load(problem: Problem, beta: Array) -> Problem:
-    """Return the problem with the load of ``beta`` (b,)."""
+    """Return the problem with the load of ``beta`` (b,), as it is where nothing asks for one."""
+    if problem.load is None or problem.load is beta:
+        return problem
     found = make_problem(problem.model, problem.base, problem.logs, beta, problem.kept)
     return replace(found, choices=problem.choices, constraints=problem.constraints, prior=problem.prior)

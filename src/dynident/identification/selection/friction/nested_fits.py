@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.model.lapack import solve_positive
 
 #: Ridge in units of a column's square: far above rounding of the products, far below what data say.
 RIDGE = 1e-11
@@ -35,9 +34,9 @@ class NestedFits:
         beside = normal[:, :shared, shared:]
         along = np.linalg.solve(normal[:, :shared, :shared], beside)
         self._normal = normal[:, shared:, shared:] - beside.transpose(0, 2, 1) @ along
-        ones = np.broadcast_to(np.eye(self._normal.shape[1]), self._normal.shape)
-        mixed = np.concatenate([-along, ones], axis=1)  # from the others and the torque to all columns
-        self._left = mixed.transpose(0, 2, 1) @ ((judged / square) @ mixed)
+        judged = judged / square
+        own = along.transpose(0, 2, 1) @ (0.5 * judged[:, :shared, :shared] @ along - judged[:, :shared, shared:])
+        self._left = judged[:, shared:, shared:] + own + own.transpose(0, 2, 1)
 
     def coefficients(self, keep: IntArray) -> Array:
         """Return the coefficients of the columns ``keep`` (k,) behind the shared ones, shape (B, k - shared)."""
@@ -48,7 +47,7 @@ class NestedFits:
         """Return the sum of squared residuals of each block by the columns ``keep`` (k,), shape (B,)."""
         own = keep[self.shared :] - self.shared
         mixed, every = np.append(self._scaled(own), np.full((len(self._left), 1), -1.0), axis=1), np.append(own, -1)
-        return np.einsum("bk,bkl,bl->b", mixed, self._left[:, every[:, None], every], mixed, optimize=True)
+        return np.sum(mixed * (self._left[:, every[:, None], every] @ mixed[:, :, None])[:, :, 0], axis=1)
 
     def _scaled(self, own: IntArray) -> Array:
         normal, right = self._normal[:, own[:, None], own], self._normal[:, own, -1]
@@ -68,13 +67,9 @@ def without(whole: Array, part: Array) -> Array:
 
 def fit(products: Array, keep: IntArray) -> Array:
     """Return the least-squares coefficients of the columns ``keep`` from inner products (c + 1, c + 1)."""
-    gram, right = products[np.ix_(keep, keep)], products[keep, -1]
-    size = np.sqrt(np.diag(gram))
-    scale = np.where(size > 0, size, 1.0)
-    ridged = gram / np.outer(scale, scale)
-    ridged.flat[:: len(keep) + 1] += RIDGE + (size == 0)
-    found = solve_positive(ridged, right / scale)
-    return np.linalg.lstsq(gram, right)[0] if found is None else found / scale
+    every = np.append(keep, -1)
+    own = products[None, every[:, None], every]
+    return NestedFits(own, own, 0).coefficients(np.arange(len(keep)))[0]
 
 
 def beyond(whole: Array, fast: Array, keep: IntArray, shared: int) -> float:
