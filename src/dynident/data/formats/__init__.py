@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from dynident.data.formats._clocked_table import clocked
@@ -144,5 +145,5 @@ def _chosen(path: str | Path, form: str | LogFormat | None) -> LogFormat:
     known = "; ".join(f"{name} ({text})" for name, text in suffixes.items())
     suffix = Path(path).suffix.lower()
     step = "unpack it first" if suffix in _PACKED else f"the formats are: {known}"
-    what = f"no log format has the suffix '{suffix}'" if suffix or Path(path).exists() else "no such file"
+    what = f"no log format has the suffix '{suffix}'" if suffix or os.path.exists(path) else "no such file"
     raise LogFormatError(path, None, what, step)
