@@ -50,13 +50,26 @@ def test_help_of_every_command_is_light() -> None:
     assert _heavy_after(code) == "[]"
 
 
+def test_reading_xml_loads_nothing_of_the_network() -> None:
+    code = "\n".join(
+        [
+            "import sys",
+            "from dynident.robot_files.xml_elements import XmlLanguage, parse_xml",
+            "assert parse_xml('', b'<robot/>', XmlLanguage('URDF', ('robot',), 'link')).tag == 'robot'",
+            "print([name for name in ('ssl', 'urllib.request', 'defusedxml') if name in sys.modules])",
+        ]
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
 #: What takes as long to load as a small identification takes, each.
 SLOW = ("numba", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate", "scipy.ndimage", "scipy.spatial")
 
 #: What an identification alone does without besides: parts for few cases, and what has no place in one.
 NOT_FOR_ALL = (
-    "scipy.sparse", "scipy.linalg", "scipy.special", "defusedxml.sax", "urllib.request", "jinja2", "rich.markdown",
-    "matplotlib",
+    "scipy.sparse", "scipy.linalg", "scipy.special", "defusedxml", "urllib.request", "ssl", "jinja2", "rich.markdown",
+    "matplotlib", "dynident.robot_files.mjcf",
     "dynident.case.draft", "dynident.data.formats._bag_table",
     "dynident.diagnosis.checks", "dynident.studies.benchmark", "dynident.identification.streaming",
     "dynident.identification.simulated.course", "dynident.simulation", "dynident.model.kernels.generic",

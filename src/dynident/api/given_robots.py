@@ -10,7 +10,6 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from dynident.api.given_mujoco import robot_of_mujoco
 from dynident.arrays import Array
 from dynident.errors import BadArgument
 from dynident.model.dynamic_model import DynamicModel
@@ -185,10 +184,16 @@ def _bound(value: float, none: float = np.inf) -> float:
     return float(value) if abs(value) < _NO_LIMIT else none
 
 
+def _from_mujoco(model: Any) -> Robot:
+    from dynident.api.given_mujoco import robot_of_mujoco  # few need it
+
+    return robot_of_mujoco(model)
+
+
 #: Readers by package and class of what they read.
 _READERS: dict[tuple[str, str], Callable[[Any], Robot]] = {
     ("pinocchio", "Model"): _from_pinocchio,
     ("pinocchio", "RobotWrapper"): lambda wrapper: _from_pinocchio(wrapper.model),
-    ("mujoco", "MjModel"): robot_of_mujoco,
-    ("mujoco", "MjSpec"): lambda spec: robot_of_mujoco(spec.compile()),
+    ("mujoco", "MjModel"): _from_mujoco,
+    ("mujoco", "MjSpec"): lambda spec: _from_mujoco(spec.compile()),
 }

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
-from xml.sax import SAXParseException
-from xml.sax.handler import ContentHandler
-from xml.sax.xmlreader import AttributesImpl, Locator
+from xml.parsers import expat
 
 from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place, shown
@@ -87,18 +85,13 @@ def parse_xml(path: object, data: bytes, language: XmlLanguage) -> Element:
     Raises:
         DescriptionError: No XML, a document type or entity, another root element, too deep, too many links.
     """
-    import defusedxml.sax  # loads slowly, and other descriptions do without it
-
     builder = _Builder(path, language)
     try:
-        defusedxml.sax.parseString(data, builder, forbid_dtd=True, forbid_entities=True, forbid_external=True)
-    except defusedxml.DefusedXmlException as problem:
-        step = "remove the <!DOCTYPE ...> part: it can hide entities and outside files"
-        raise builder.place().error("it has a document type (DTD) or an entity", step) from problem
-    except SAXParseException as problem:
-        place = Place(path, f"line {problem.getLineNumber()}")
+        builder.parser.Parse(data, True)
+    except expat.ExpatError as problem:
+        place = Place(path, f"line {problem.lineno}")
         step = "correct the line, or write the file again with the tool that made it"
-        raise place.error(f"not XML ({problem.getMessage()})", step) from problem
+        raise place.error(f"not XML ({expat.ErrorString(problem.code)})", step) from problem
     except (LookupError, ValueError) as problem:  # an encoding that Python does not know or cannot decode
         raise builder.place().error(f"not XML ({problem})", "save the file as UTF-8") from problem
     if builder.root is None:
@@ -106,28 +99,33 @@ def parse_xml(path: object, data: bytes, language: XmlLanguage) -> Element:
     return builder.root
 
 
-class _Builder(ContentHandler):
-    """Builds the tree; elements that are not read are counted only for their depth."""
+class _Builder:
+    """Builds the tree; elements that are not read are counted only for their depth.
+
+    Entities and outside files are declared in a document type or nowhere, so that this is refused as it begins.
+    """
 
     def __init__(self, path: object, language: XmlLanguage) -> None:
-        super().__init__()
+        self.parser = expat.ParserCreate()
+        self.parser.StartElementHandler, self.parser.EndElementHandler = self._begin, self._end
+        self.parser.CharacterDataHandler, self.parser.StartDoctypeDeclHandler = self._characters, self._refuse
         self._path = path
         self._language = language
-        self._locator: Locator | None = None
         self._open: list[Element | None] = []  # None: passed over, with all that is in it
         self._begun = 0
         self._kept = 0
         self._links = 0
         self.root: Element | None = None
 
-    def setDocumentLocator(self, locator: Locator) -> None:
-        self._locator = locator
-
     def place(self) -> Place:
         """Return the line that is being read."""
-        return Place(self._path, f"line {self._line()}" if self._line() else "")
+        return Place(self._path, f"line {self.parser.CurrentLineNumber}")
 
-    def startElement(self, name: str, attrs: AttributesImpl) -> None:
+    def _refuse(self, *doctype: object) -> None:
+        step = "remove the <!DOCTYPE ...> part: it can hide entities and outside files"
+        raise self.place().error("it has a document type (DTD) or an entity", step)
+
+    def _begin(self, name: str, attributes: dict[str, str]) -> None:
         language = self._language
         if len(self._open) >= MAX_DEPTH:
             step = f"give the {language.noun} of one robot"
@@ -142,7 +140,7 @@ class _Builder(ContentHandler):
         if self._open and (parent is None or not language.reads(parent, name)):
             self._open.append(None)
             return
-        element = Element(name, self._line(), dict(attrs.items()), path=self._path, number=self._begun - 1)
+        element = Element(name, self.parser.CurrentLineNumber, attributes, path=self._path, number=self._begun - 1)
         self._check(element, parent)
         if parent is None:
             self.root = element
@@ -150,15 +148,12 @@ class _Builder(ContentHandler):
             parent.children.append(element)
         self._open.append(element)
 
-    def characters(self, content: str) -> None:
+    def _characters(self, content: str) -> None:
         if self._open and self._open[-1] is not None:
             self._open[-1].words.append(content)
 
-    def endElement(self, name: str) -> None:
+    def _end(self, name: str) -> None:
         self._open.pop()
-
-    def _line(self) -> int:
-        return (self._locator.getLineNumber() or 0) if self._locator is not None else 0
 
     def _check(self, element: Element, parent: Element | None) -> None:
         self._kept += 1
