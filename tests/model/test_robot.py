@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from dynident.errors import BadOption, UnknownChoice
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
+from dynident.model.plausible import consistency_defects
 from dynident.model.robot import (
     Drive,
     Frame,
@@ -22,7 +23,6 @@ from dynident.model.robot import (
     Link,
     Mimic,
     Robot,
-    consistency_defects,
     joint_pose,
     rotation_about,
 )

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynident.model.robot import Robot, consistency_defects
+from dynident.model.plausible import consistency_defects
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 ARMS = {"generic-6r": "RRRRRR", "generic-7r": "RRRRRRR", "generic-scara": "RRPR"}

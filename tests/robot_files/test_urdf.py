@@ -11,7 +11,9 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
+from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.inertia import Inertia
+from dynident.model.plausible import consistency_defects
 from dynident.model.robot import Robot, joint_pose, rotation_about
 from dynident.robot_files.formats.urdf import read_urdf
 
@@ -261,6 +263,23 @@ def test_joint_defaults_of_the_format() -> None:
     assert joint.rotation.tolist() == np.eye(3).tolist()
     assert (joint.limits.lower, joint.limits.upper, joint.limits.effort) == (-math.inf, math.inf, math.inf)
     assert (joint.damping, joint.friction, joint.mimic) == (None, None, None)
+
+
+@pytest.mark.parametrize(("moment", "hides"), [(0.004, True), (0.4, False)])
+def test_the_fixed_link_that_states_an_impossible_inertia_is_named(moment: float, hides: bool) -> None:
+    """Whether the sum with its carrier is possible or not."""
+    words = '<inertial><mass value="3"/><inertia ixx="{}" iyy="{}" izz="{}" ixy="0" ixz="0" iyz="0"/></inertial>'
+    own, tool = words.format(0.02, 0.03, 0.025), words.format(0.001, 0.001, moment)
+    text = f"""<robot name="r"><link name="base"/><link name="arm">{own}</link><link name="tool">{tool}</link>
+      <link name="tip"/><joint name="a" type="continuous"><parent link="base"/><child link="arm"/></joint>
+      <joint name="b" type="KIND"><parent link="arm"/><child link="tool"/></joint>
+      <joint name="c" type="fixed"><parent link="tool"/><child link="tip"/></joint></robot>"""
+    robot = read_urdf("arm.urdf", text.replace("KIND", "fixed").encode())
+    locked = read_urdf("arm.urdf", text.replace("KIND", "continuous").encode()).locked({"b": 0.0})
+    why = f"tool: the principal moments 0.001, 0.001, {moment:g} kg m^2 break the triangle inequality"
+    assert robot.links[0].impossible == locked.links[0].impossible == why
+    assert consistency_defects(robot.links) == ({} if hides else {"arm": why})
+    assert robot_to_dict(robot_from_dict(robot_to_dict(robot))) == robot_to_dict(robot)
 
 
 def test_axis_is_normalised_and_a_fixed_joint_may_have_none() -> None:

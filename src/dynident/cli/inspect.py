@@ -196,7 +196,7 @@ def _exact_count(model: DynamicModel) -> int | None:
 
 def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[str, Any]:
     from dynident.arrays import finite
-    from dynident.model.robot import consistency_defects
+    from dynident.model.plausible import consistency_defects
 
     return {
         "robot": robot.name,
@@ -212,7 +212,10 @@ def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[
             for joint in robot.active
         ],
         "links": [link.name for link in robot.links],
-        "impossible_links": consistency_defects(robot.links),
+        "impossible_links": {
+            **consistency_defects(robot.links),
+            **{link.name: link.impossible for link in robot.links if link.impossible},
+        },
         "gravity": robot.gravity.tolist(),
         "note": robot.note,
         "standard_parameters": [
@@ -242,7 +245,7 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
         limits = joint.limits
         numbers = [format_given(value) for value in (limits.lower, limits.upper, limits.velocity, limits.effort)]
         kind = joint.kind if joint.mimic is None else f"follows {label(joint.mimic.joint)}"
-        state = "not stated" if link.inertia is None else nominal_state(link.inertia)
+        state = nominal_state(link)
         mass = format_given(None if link.inertia is None else link.inertia.mass)
         rows.append((label(joint.name), kind, *numbers, pretty_unit(joint.unit), label(link.name), mass, state))
     console.answer_table(Table(columns, tuple(rows)))

@@ -6,6 +6,7 @@ P > 0: Wensing, Kim and Slotine 2018, (6)-(12); of the log-Cholesky form: Rucker
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -187,3 +188,9 @@ class Inertia:
             values = ", ".join(f"{moment:.4g}" for moment in principal)
             return f"the principal moments {values} kg m^2 break the triangle inequality"
         return ""
+
+
+def impossible_parts(bodies: Mapping[str, Inertia | None]) -> str:
+    """Return which of bodies no body can be, and why, in words; one without mass and inertia is none."""
+    whys = {name: body.defect() for name, body in bodies.items() if body is not None and body.vector.any()}
+    return "; ".join(f"{name}: {why}" for name, why in whys.items() if why)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -102,6 +103,12 @@ def _with_room(space: Ellipsoid, second: Array, reach: float) -> Ellipsoid | Non
     slabs = np.sum(second * space.slabs(reach), axis=(1, 2)) / (NEAREST * reach**2 / 6.0)
     ratio = 1.0 - min(np.sum(second * space.quadric), np.min(slabs))
     return replace(space, semi_axes=space.semi_axes * np.sqrt(ratio) * SPARE) if ratio > 1.0 else None
+
+
+def consistency_defects(links: Iterable[Link]) -> dict[str, str]:
+    """Return why each link that is no possible body is none, by the link of the file where that is one of several."""
+    found = {link.name: (link.inertia.defect(), link.impossible) for link in links if link.inertia is not None}
+    return {name: part or why for name, (why, part) in found.items() if why}
 
 
 def outgrown(link: Link) -> Ellipsoid | None:

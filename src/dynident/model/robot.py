@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -14,7 +14,7 @@ from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, UnknownChoice
 from dynident.methods import ShortText
 from dynident.model.chain import PRISMATIC, REVOLUTE, Chain
-from dynident.model.inertia import Inertia, skew
+from dynident.model.inertia import Inertia, impossible_parts, skew
 from dynident.model.shapes import Shape
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
@@ -154,6 +154,7 @@ class Link:
         fixed: Names of the links merged into it.
         shapes: What can touch, with its fixed links, in its frame; empty where the robot model states none.
         visuals: What only shows it and touches nothing: it bounds the link's body as its shapes do.
+        impossible: Which of several links of the file that are one here state an inertia that no body has, and why.
     """
 
     name: str
@@ -161,6 +162,7 @@ class Link:
     fixed: tuple[str, ...] = ()
     shapes: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()
+    impossible: str = ""
 
 
 @dataclass(frozen=True)
@@ -384,16 +386,12 @@ def _joined(parent: Link, child: Link, rotation: Array, translation: Array) -> L
         inertia = parent.inertia + child.inertia.moved(rotation, translation)
     pairs = (parent.shapes, child.shapes), (parent.visuals, child.visuals)
     solid, shown = ((*own, *(one.moved(rotation, translation) for one in more)) for own, more in pairs)
-    return Link(parent.name, inertia, (*parent.fixed, child.name, *child.fixed), solid, shown)
+    whys = (one.impossible or impossible_parts({one.name: one.inertia}) for one in (parent, child))
+    fixed = (*parent.fixed, child.name, *child.fixed)
+    return Link(parent.name, inertia, fixed, solid, shown, "; ".join(filter(None, whys)))
 
 
 def _last_link(robot: Robot, frames: Mapping[str, Frame]) -> str:
     """Return the frame of the last link of the unlocked robot where locking turned it into a frame."""
     name = robot.links[-1].name
     return name if name in frames else ""
-
-
-def consistency_defects(links: Sequence[Link]) -> dict[str, str]:
-    """Return why each link that is no possible body is none; empty where all are possible."""
-    found = {link.name: link.inertia.defect() for link in links if link.inertia is not None}
-    return {name: why for name, why in found.items() if why}

@@ -9,9 +9,8 @@ import numpy as np
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedBound, Plausibility
 from dynident.identification.estimate.validation import Validation
-from dynident.model.inertia import Inertia
-from dynident.model.plausible import is_too_light, mean_density, shape_points
-from dynident.model.robot import Robot, consistency_defects
+from dynident.model.plausible import consistency_defects, is_too_light, mean_density, shape_points
+from dynident.model.robot import Link, Robot
 from dynident.results.text import format_number, format_percent, label
 from dynident.robot_files.tree import weightless
 
@@ -45,6 +44,10 @@ def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
     if names := "; ".join(f"{label(name)}, {defects[name]}" for name in facts.uniform if name in defects):
         what = f"impossible inertia in the robot model: {names}"
         lines.append(f"{what}: a uniform body is the reference; correct the robot model")
+    hidden = {link.name: link.impossible for link in robot.links if link.impossible and link.name not in defects}
+    if names := "; ".join(f"{label(why)}, in the sum of {label(name)}" for name, why in hidden.items()):
+        what = f"impossible inertia in the robot model: {names}"
+        lines.append(f"{what}, which is possible and the reference; correct the robot model")
     if names := ", ".join(map(label, facts.widened)):
         what = f"the robot model's inertia of {names} reaches beyond the link's shapes: its size holds both"
         lines.append(f"{what}; where the inertia is a guess, state body: in the constraints")
@@ -70,11 +73,13 @@ def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
     return lines
 
 
-def nominal_state(inertia: Inertia) -> str:
-    """Return whether a body can have an inertia: why none can, or that it is flat or a point."""
-    if inertia.defect() or inertia.is_consistent():
-        return inertia.defect() or "consistent"
-    return "consistent, flat" if inertia.solid() else "consistent, a point"
+def nominal_state(link: Link) -> str:
+    """Return whether a body can have the inertia of a link: why none can, that it is flat or a point, or hides one."""
+    inertia = link.inertia
+    if inertia is None or inertia.defect():
+        return "not stated" if inertia is None else consistency_defects([link])[link.name]
+    shape = "" if inertia.is_consistent() else ", flat" if inertia.solid() else ", a point"
+    return f"consistent{shape}" + (f", but not {link.impossible}" if link.impossible else "")
 
 
 def mesh_lines(faults: Sequence[Mapping[str, str]]) -> list[str]:

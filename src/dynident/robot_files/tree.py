@@ -12,7 +12,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import nearest
 from dynident.model.documents.numbers import Place, shown
-from dynident.model.inertia import Inertia
+from dynident.model.inertia import Inertia, impossible_parts
 from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
 from dynident.model.shapes import Shape
 
@@ -124,12 +124,25 @@ def assemble(
         raise Place(path).error("no joint moves", "give the robot model of an arm with moving joints")
     return Robot(
         name,
-        tuple(Link(a, b, tuple(c), *map(tuple, own)) for (a, b, c), own in zip(links, taken[1:], strict=True)),
+        _links(links, taken[1:], bodies),
         tuple(joints),
         base=root,
         frames=frames,
         note=note,
         base_shapes=tuple(taken[0][0]),
+    )
+
+
+def _links(
+    links: Sequence[tuple[str, Inertia | None, list[str]]],
+    shapes: Sequence[tuple[list[Shape], ...]],
+    bodies: Mapping[str, Inertia | None],
+) -> tuple[Link, ...]:
+    """Return the links from name, inertia and fixed bodies, and from shapes and visuals, of each."""
+    whys = {name: impossible_parts({one: bodies[one] for one in (name, *more)}) for name, _, more in links if more}
+    return tuple(
+        Link(name, inertia, tuple(fixed), *map(tuple, own), impossible=whys.get(name, ""))
+        for (name, inertia, fixed), own in zip(links, shapes, strict=True)
     )
 
 

@@ -23,7 +23,7 @@ _ROBOT: Final = (
     "schema", "version", "name", "base", "gravity", "links", "joints", "frames", "tool", "coupling", "note",
     "base_shapes",
 )  # fmt: skip
-_LINK: Final = ("name", "inertia", "fixed", "shapes", "visuals")
+_LINK: Final = ("name", "inertia", "fixed", "shapes", "visuals", "impossible")
 _JOINT: Final = (
     "name", "kind", "parent", "rotation", "translation", "axis", "limits", "drive", "mimic", "damping", "friction",
 )  # fmt: skip
@@ -47,6 +47,7 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
                 "fixed": list(link.fixed),
                 **({"shapes": shapes_to_list(link.shapes)} if link.shapes else {}),
                 **({"visuals": shapes_to_list(link.visuals)} if link.visuals else {}),
+                **({"impossible": link.impossible} if link.impossible else {}),
             }
             for link in robot.links
         ],
@@ -139,7 +140,7 @@ def _link(section: Section) -> Link:
     if not isinstance(fixed, list) or not all(isinstance(name, str) for name in fixed):
         raise section.place("fixed").error(f"{shown(fixed)} is no list of names", "write a list of texts")
     shapes, visuals = (read_shapes(section, key) for key in ("shapes", "visuals"))
-    return Link(section.name("name"), inertia, tuple(fixed), shapes, visuals)
+    return Link(section.name("name"), inertia, tuple(fixed), shapes, visuals, section.text("impossible", ""))
 
 
 def _joint(section: Section, i: int) -> Joint:

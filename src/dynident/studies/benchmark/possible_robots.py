@@ -11,7 +11,8 @@ from dynident.errors import BadOption, NotConsistent
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Robot, consistency_defects
+from dynident.model.plausible import consistency_defects
+from dynident.model.robot import Robot
 
 #: Density in kg/m^3 of the bodies that are invented, between which it is drawn: motors, castings and hollow space.
 DENSITY = (1000.0, 2500.0)

@@ -110,7 +110,7 @@ def _links(robot: Robot) -> Table:
         if link.inertia is None:
             rows.append((name, *[MISSING] * 4, "not stated"))
             continue
-        defect, state = link.inertia.defect(), nominal_state(link.inertia)
+        defect, state = link.inertia.defect(), nominal_state(link)
         values = (link.inertia.mass, *link.inertia.centre_of_mass)
         rows.append(
             (
