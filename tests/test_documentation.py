@@ -394,7 +394,7 @@ def keys_of(value: Any, path: str = "") -> Iterator[str]:
         yield path
 
 
-STANDARD = ("name", "value", "std", "unit", "verdict", "label", "data_share")
+STANDARD = ("name", "value", "std", "unit", "verdict", "label", "data_share", "range")
 
 
 def test_every_key_of_the_json_is_documented(workshop: Path) -> None:

@@ -236,8 +236,7 @@ def test_later_paths_stand_in_for_broken_ones(
     for other in (second, third):
         check(posed, other)
         assert other.optimality.objective == pytest.approx(whole.optimality.objective, abs=1e-7)
-    place = "dynident.identification.consistency.barrier.solve_barrier"
-    monkeypatch.setattr(place, lambda program, start: fault(program))
+    monkeypatch.setattr(fitting, "solve_barrier", fault)
     with pytest.raises(SolverFailed, match=r"Clarabel.*whitened.*log-det barrier.*check the units"):
         fit_of(posed)
 

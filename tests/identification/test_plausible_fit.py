@@ -430,6 +430,39 @@ def test_plausible_bodies_have_their_own_metric() -> None:
         Consistent(bodies="slim")  # type: ignore[arg-type]
 
 
+def test_ranges_end_where_a_fixed_value_costs_the_limit(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """A mass fixed a little inside its range costs less than the limit, one a little outside more, by its own fit."""
+    nominal = scaled_link(scaled_link(spatial_3r, 0, 1.3), 2, 0.7)
+    problem, truth = problem_of(spatial_3r, exact_log, nominal, noise=0.2)
+    solution = Consistent(bodies="plausible", ranges=True).solve(problem)
+    facts = Plausibility.of(recorded_run(json.loads(json.dumps(solution.run.data()))))
+    assert facts is not None and solution.theta is not None
+    low, high = np.array(facts.ranges).T
+    assert np.all((low - 1e-6 <= solution.theta) & (solution.theta <= high + 1e-6))
+    assert np.mean((low <= truth) & (truth <= high)) > 0.9
+    settled, reduced = replace(facts, weight=0.0), problem.reduced(solution.weights)
+
+    def cost(problem: Problem) -> float:
+        found = plausible_fit(problem, solution.weights, 0.01, 1e-8, settled)
+        beta = problem.base.from_standard(found.fit.theta)
+        return float(reduced.residual_square(beta) * reduced.rows / reduced.rest)
+
+    least, tested = cost(problem), 0
+    for link, mass in (("link2", 19), ("link3", 29)):
+        for end, outwards in ((low[mass], -1.0), (high[mass], 1.0)):
+            nominal_mass = nominal.links[mass // 10].inertia.mass  # type: ignore[union-attr]
+            if min(abs(end / nominal_mass * 3.0 - 1.0), abs(end / nominal_mass / 3.0 - 1.0)) < 0.02:
+                continue  # the end of the range of the mass itself
+            for share, is_outside in ((-0.01, False), (0.01, True)):
+                value = ValueRange(*[float(end) * (1.0 + outwards * share)] * 2)
+                known = replace(problem, constraints=Constraints({link: BodyConstraints(mass=value)}))
+                assert (cost(known) - least > facts.cost_limit) == is_outside
+                tested += 1
+    assert tested >= 4
+    with pytest.raises(BadOption, match="--bodies plausible"):
+        Consistent(bodies="free", ranges=True).solve(problem)
+
+
 def test_stated_bounds_that_clash_are_named(spatial_3r: Robot, exact_log: MakeLog) -> None:
     """A mass above the range of the total, and a thickness that does not fit into the ellipsoid of the link."""
     problem, _ = problem_of(spatial_3r, exact_log)

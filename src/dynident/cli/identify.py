@@ -85,6 +85,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--cross-validate", type=int, metavar="N", help="folds of the cross-validation; 0: none; default: 5"
     )
     trust.add_argument("--bootstrap", type=int, default=0, metavar="N", help="bootstrap intervals by N fits")
+    trust.add_argument(
+        "--ranges", action="store_true", help="range of each standard parameter that data and bounds of the links allow"
+    )
     trust.add_argument("--no-sensitivity", action="store_true", help="skip the fits at half and double the cut-off")
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", help="write the estimate (JSON) here")
@@ -160,7 +163,7 @@ def _estimate(
     from dynident.errors import BadOption
     from dynident.identification.estimators import ESTIMATORS
 
-    estimator = estimator_of(case, options.estimator, options.option)
+    estimator = estimator_of(case, options.estimator, [*options.option, *["ranges=true"] * options.ranges])
     if options.bodies and not ESTIMATORS.has_option(ESTIMATORS.name_of(estimator), "bodies"):
         those = " and ".join(name for name in ESTIMATORS.names() if ESTIMATORS.has_option(name, "bodies"))
         raise BadOption("--bodies", options.bodies, f"it is for the estimator {those}; leave one of the two out")
@@ -241,6 +244,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
         console.answer(labels_line(estimate))
     for line in plausibility_lines(estimate, test):
         console.answer(line)
+    verdicts.show_ranges(estimate)
     for line in cutoff_lines(estimate.choices):
         console.answer(line)
     if estimate.diagnostics is not None:

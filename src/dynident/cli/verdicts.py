@@ -45,6 +45,17 @@ def show_nominal(estimate: Estimate, test: Validation | None) -> None:
         console.answer(missing_reason(estimate))
 
 
+def show_ranges(estimate: Estimate) -> None:
+    """Print the ranges of the masses, where they were asked for."""
+    from dynident.cli import console
+    from dynident.results.plausibility import ranges_table
+
+    table = ranges_table(estimate)
+    if table.rows:
+        console.answer_table(table, "masses that data and bounds allow")
+        console.answer(table.note)
+
+
 def show_short(
     estimate: Estimate, test: Validation | None, verdict: Verdict, more: str = "--full, --report FILE, --json"
 ) -> None:
@@ -74,6 +85,7 @@ def show_short(
     for line in (table.note, "", *short_answer.summary_lines(estimate, test)):
         if line or line != table.note:
             console.answer(line)
+    show_ranges(estimate)
     for line in () if verdict.causes else short_answer.warning_lines(warnings_of(estimate, test), console.line_width()):
         console.answer(line)
     console.answer(f"all tables: {more}")

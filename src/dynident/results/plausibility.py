@@ -11,7 +11,7 @@ from dynident.identification.estimate.plausibility import TOTAL_MASS, Contradict
 from dynident.identification.estimate.validation import Validation
 from dynident.model.plausible import consistency_defects, is_too_light, mean_density, shape_points
 from dynident.model.robot import Link, Robot
-from dynident.results.text import format_number, format_percent, label
+from dynident.results.text import Column, Table, format_number, format_percent, label
 from dynident.robot_files.tree import weightless
 
 
@@ -30,6 +30,24 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     lines += mesh_lines(estimate.provenance.get("meshes") or ())
     lines += nominal_lines(estimate.model.robot, facts)
     return [line for line in lines if line]
+
+
+def ranges_table(estimate: Estimate) -> Table:
+    """Return the mass of each link with its range; without rows where no ranges were asked for."""
+    facts, links, theta = Plausibility.of(estimate.run), estimate.model.robot.links, estimate.theta
+    heads = ("nominal", "identified", "least", "largest")
+    note = "links within their bounds at a cost within the noise of the data; all ten parameters: --json, --report FILE"
+    rows: list[tuple[str, ...]] = []
+    for i, link in enumerate(links if facts is not None and facts.ranges and theta is not None else ()):
+        assert facts is not None and theta is not None
+        nominal = None if link.inertia is None else link.inertia.mass
+        rows.append((label(link.name), *map(range_end, (nominal, theta[10 * i + 9], *facts.ranges[10 * i + 9]))))
+    return Table((Column("link"), *(Column(name, "kg", numeric=True) for name in heads)), tuple(rows), note)
+
+
+def range_end(value: float | None) -> str:
+    """Return a value, and a dash where nothing holds it, or where none is proven."""
+    return "–" if value is None or not np.isfinite(value) else format_number(value, 3)
 
 
 def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:

@@ -48,21 +48,21 @@ class _Place:
     bodies: Array
 
 
-def solve_barrier(program: Program, start: Array, tolerance: float = TOLERANCE) -> ConicCandidate:
+def solve_barrier(program: Program, start: Array | None = None, tolerance: float = TOLERANCE) -> ConicCandidate:
     """Return the optimum from a point strictly inside all conditions that meets the equations.
 
     Args:
         program: The program.
-        start: Such a point, shape (p,); see :func:`inside`.
+        start: Such a point, shape (p,); None for that of :func:`inside`.
         tolerance: Gap that is enough, as a share of f + 1/2.
 
     Raises:
-        ValueError: ``start`` is not inside.
+        ValueError: ``start`` is not inside, or no point is known that is.
     """
-    rules = program.conditions
-    place = _place(program, start)
+    rules, start = program.conditions, inside(program) if start is None else start
+    place = None if start is None else _place(program, start)
     if place is None:
-        raise ValueError("the start breaks a condition")
+        raise ValueError("no point strictly inside the conditions was found")
     free = rules.free
     degree = max(len(rules.sign) + 4 * program.links, 1)
     quadratic = np.vstack([program.data, program.pull])

@@ -64,20 +64,12 @@ def solve_limited(program: Program, place: Array, rise: float) -> tuple[ConicCan
     The quadratic part, twice that of f, is at most ``rise`` above that at ``place``: as a second-order cone over the
     differences from there. Its multiplier is the inverse of the weight with which the program has the same answer.
     """
-    size, rows = program.data.shape[1], np.vstack([program.data, program.pull])
-    slope = 2.0 * (rows @ place - np.concatenate([program.target, program.pull_target])) @ rows / rise
-    unit = replace(program, weight=1.0)
-    linear, blocks, offsets, cones = _entropy_and_conditions(unit, 0)
-    ends, middle = (
-        np.tile(slope / 2.0, (2, 1)),
-        -rows / np.sqrt(rise),
-    )  # |d|^2 <= u where |(d, (u - 1) / 2)| <= (u + 1) / 2
-    limit = _widened(np.vstack([ends[:1], middle, ends[1:]]), len(linear))
-    offset = limit[:, :size] @ place + np.eye(1, len(limit))[0]
+    size, (limit, offset) = program.data.shape[1], _limit_rows(program, place, rise)
+    linear, blocks, offsets, cones = _entropy_and_conditions(replace(program, weight=1.0), 0)
     found = run_clarabel(
         np.zeros((len(linear), len(linear))),
         linear,
-        np.vstack([limit, *blocks]),
+        np.vstack([_widened(limit, len(linear)), *blocks]),
         np.concatenate([offset, *offsets]),
         [_clarabel().SecondOrderConeT(len(limit)), *cones],
     )
@@ -85,6 +77,36 @@ def solve_limited(program: Program, place: Array, rise: float) -> tuple[ConicCan
     weight = rise / max(duals[0] + duals[len(limit) - 1], 1e-300)
     prices = split_duals(program.conditions, weight * duals[len(limit) :])
     return ConicCandidate(np.array(found.x)[:size], prices, str(found.status), int(found.iterations)), weight
+
+
+def solve_ranges(program: Program, place: Array, rise: float) -> Array:
+    """Return the least and the largest of each phi within conditions and the limit of :func:`solve_limited`, (p, 2).
+
+    Each is the bound that the multipliers prove; infinite where nothing holds it, NaN where none is proven.
+    """
+    (limit, offset), (inside, inside_offset, cones) = _limit_rows(program, place, rise), cone_rows(program.conditions)
+    matrix, offsets, size = np.vstack([limit, inside]), np.append(offset, inside_offset), len(place)
+    cones, ends = [_clarabel().SecondOrderConeT(len(limit)), *cones], np.full(2 * size, np.nan)
+    for k, linear in enumerate(np.vstack([np.eye(size), -np.eye(size)])):
+        found = run_clarabel(np.zeros((size, size)), linear, matrix, offsets, cones)
+        phi, duals = np.array(found.x), np.array(found.z)
+        value, left = -float(offsets @ duals), np.max(np.abs(linear + matrix.T @ duals))
+        if "DualInfeasible" in str(found.status):
+            ends[k] = -np.inf
+        elif max(left, program.conditions.shortfall(phi), 1e-2 * abs(linear @ phi - value)) < 1e-6 * max(
+            1.0, abs(value)
+        ):
+            ends[k] = value
+    return np.column_stack([ends[:size], -ends[size:]])
+
+
+def _limit_rows(program: Program, place: Array, rise: float) -> tuple[Array, Array]:
+    """Return rows and offset of the second-order cone over phi that limits the quadratic part."""
+    rows = np.vstack([program.data, program.pull]) / np.sqrt(rise)
+    rest = rows @ place - np.concatenate([program.target, program.pull_target]) / np.sqrt(rise)
+    slope = rest @ rows  # |d|^2 <= u = 1 - 2 slope d where |(d, (u - 1) / 2)| <= (u + 1) / 2
+    limit = np.vstack([slope, -rows, slope])
+    return limit, limit @ place + np.eye(1, len(limit))[0]
 
 
 def _entropy_and_conditions(program: Program, rows: int) -> tuple[Array, list[Array], list[Array], list[Any]]:

@@ -10,6 +10,8 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import SolverFailed
+from dynident.identification.consistency.barrier import inside, solve_barrier
+from dynident.identification.consistency.certificate import check_room
 from dynident.identification.consistency.conditions import Conditions, conditions_of
 from dynident.identification.consistency.conic import ConicCandidate, solve_conic, solve_whitened
 from dynident.identification.consistency.program import Optimality, Program, optimality, whitened_rows
@@ -176,28 +178,11 @@ def lifted(bodies: Array) -> Array:
 def paths_of(program: Program) -> dict[str, Path]:
     """Return the ways to solve a program, the first choice first."""
     if program.weight:
-        return {"Clarabel with exponential cones": solve_conic, "log-det barrier": _solve_barrier}
-    return {"Clarabel": solve_conic, "Clarabel, whitened": solve_whitened, "log-det barrier": _solve_barrier}
-
-
-def _inside(program: Program) -> Array | None:
-    from dynident.identification.consistency.barrier import inside  # few programs come here
-
-    return inside(program)
-
-
-def _solve_barrier(program: Program) -> ConicCandidate:
-    from dynident.identification.consistency.barrier import solve_barrier
-
-    found = _inside(program)
-    if found is None:
-        raise ValueError("no point strictly inside the conditions was found")
-    return solve_barrier(program, found)
+        return {"Clarabel with exponential cones": solve_conic, "log-det barrier": solve_barrier}
+    return {"Clarabel": solve_conic, "Clarabel, whitened": solve_whitened, "log-det barrier": solve_barrier}
 
 
 def _check_room(program: Program) -> None:
-    from dynident.identification.consistency.certificate import check_room  # few programs come here
-
     rules = program.conditions
     place = program.start + 1e-3 * (np.arange(rules.size) >= 10 * program.links)  # the prior with a little friction
     if rules.shortfall(place) == 0.0 and np.min(rules.signs(place), initial=1.0) > 1e-6:
@@ -237,7 +222,7 @@ def solve_program(program: Program, stated: bool = False) -> Answer:
     failed: list[str] = []
     best = _best_answer(program, failed)
     if best is None or best.optimality.gap > GOOD:
-        place = _inside(program) if best is None else best.candidate.phi
+        place = inside(program) if best is None else best.candidate.phi
         best = best if place is None else _in_own_units(program, place) or best
     if best is not None:
         return replace(best, failed=tuple(failed))

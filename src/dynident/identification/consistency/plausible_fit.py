@@ -78,11 +78,13 @@ class PlausibleFit:
         fit: The fit.
         program: Its program, the pull included.
         facts: How it came about.
+        limited: Arguments of ``solve_limited``: whose quadratic part is limited, from where, and its rise.
     """
 
     fit: ConsistentFit
     program: Program
     facts: Plausibility
+    limited: tuple[Program, Array, float]
 
 
 def plausible_fit(
@@ -112,9 +114,6 @@ def plausible_fit(
     def within(known: Constraints) -> Answer:
         return solve_program(replace(program, conditions=conditions_of(model, scale, margin, known)))
 
-    def cost(answer: Answer) -> float:
-        return rows * float(np.sum((program.data @ answer.candidate.phi - program.target) ** 2))
-
     with one_blas_thread():  # matrices this small are slower on several threads
         try:
             inner = solve_program(program, stated=settled is None)
@@ -134,7 +133,7 @@ def plausible_fit(
         bodies = bodies * mass_factors(bodies[:, 9], inner.candidate.phi * scale.parameters, is_stated, relaxed)
         pulled = replace(program, conditions=inner.program.conditions)
         pulled = pull_program(pulled, bodies, filling, inner.candidate.phi, scale)
-        least = cost(inner)
+        least = cost_of(program, inner, rows)
         if settled is None:
             limit = cost_limit(problem, base.from_standard(inner.candidate.phi * scale.parameters), rows + least)
             answer, weight = largest_weight(pulled, inner, rows, limit)
@@ -143,8 +142,9 @@ def plausible_fit(
             answer = solve_program(replace(pulled, weight=weight / rows)) if weight else inner
         moved = tuple(name for name, is_moved in zip(names, fitted, strict=True) if is_moved)
         wide = tuple(link.name for link in model.robot.links if whole.links[link.name].reach and outgrown(link))
-        facts = Plausibility(weight, cost(answer) - least, limit, contradicted, tuple(uniform), moved, wide)
-        return PlausibleFit(judged(answer, scale), answer.program, facts)
+        rise = cost_of(program, answer, rows) - least
+        facts = Plausibility(weight, rise, limit, contradicted, tuple(uniform), moved, wide)
+        return PlausibleFit(judged(answer, scale), answer.program, facts, (pulled, inner.candidate.phi, limit / rows))
 
 
 def cost_limit(problem: Problem, beta: Array, cost: float) -> float:
@@ -158,10 +158,6 @@ def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> t
 
     Where the limited program has no good answer, the largest among some; the inner one and 0 where none is.
     """
-
-    def cost(answer: Answer) -> float:
-        return rows * float(np.sum((pulled.data @ answer.candidate.phi - pulled.target) ** 2))
-
     raw, weight = solve_limited(pulled, inner.candidate.phi, limit / rows)
     weight = min(rows * weight, MOST) if np.isfinite(weight) else 1.0
     program = replace(pulled, weight=weight / rows)
@@ -171,7 +167,7 @@ def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> t
     best, step = (inner, 0.0), 4.0
     while LEAST <= weight <= MOST:
         answer = solve_program(replace(pulled, weight=weight / rows))
-        if cost(answer) - cost(inner) <= limit:
+        if cost_of(pulled, answer, rows) - cost_of(pulled, inner, rows) <= limit:
             best = answer, weight
             if step < 1.0:
                 break
@@ -181,6 +177,11 @@ def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> t
             step = 0.25
         weight *= step
     return best
+
+
+def cost_of(program: Program, answer: Answer, rows: int) -> float:
+    """Return the squared residual of an answer in residual variances, less that of the free fit."""
+    return rows * float(np.sum((program.data @ answer.candidate.phi - program.target) ** 2))
 
 
 def pull_program(program: Program, bodies: Array, filling: Array, phi: Array, scale: Scale) -> Program:
@@ -219,12 +220,9 @@ def _as_heavy(bodies: Array, others: Array) -> Array:
 
 
 def nominal_bodies(robot: Robot, bounds: Constraints, prior: BodyPrior | None) -> tuple[Array, BoolArray, list[str]]:
-    """Return the bodies that the pull goes to, whether the mass of each is stated, and the links of uniform bodies.
+    """Return the bodies that the pull goes to (l, 10), whether the mass of each is stated (l,), and uniform links.
 
     A link without a possible inertia has the uniform body that fills its geometry, with its stated mass or density 1.
-
-    Returns:
-        Shapes (l, 10) and (l,), and names.
     """
     links = robot.links
     if prior is not None:

@@ -45,6 +45,8 @@ class Plausibility:
         fitted: Links whose nominal inertia breaks their bounds: the pull is to the nearest body that meets them.
         widened: Links whose possible nominal inertia reaches beyond their shapes: the size that bounds them holds both.
         free_beta: Base parameters of the fit without bounds and pull, b of them.
+        ranges: Least and largest value of each standard parameter within the bounds and the limit of the cost, p pairs;
+            infinite where nothing holds it, NaN where none is proven; empty where they were not asked for.
     """
 
     weight: float
@@ -55,6 +57,7 @@ class Plausibility:
     fitted: tuple[str, ...] = ()
     widened: tuple[str, ...] = ()
     free_beta: tuple[float, ...] = ()
+    ranges: tuple[tuple[float, float], ...] = ()
 
     @classmethod
     def of(cls, run: MethodRun) -> Plausibility | None:

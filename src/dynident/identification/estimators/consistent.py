@@ -8,6 +8,7 @@ from typing import ClassVar, Literal, TypeAlias
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
+from dynident.identification.consistency.conic import solve_ranges
 from dynident.identification.consistency.consistent_fit import (
     MARGIN,
     METRICS,
@@ -46,12 +47,14 @@ class Consistent(Estimator):
         metric: How far a body is from the prior: `natural` sizes, constant `pull_back` metric, or `entropic` (log-det).
         bodies: `free`: consistent; `plausible`: also within bounds from the robot model, near it where the data allow;
             `auto`: plausible where that states inertias or shapes and `metric` is `natural`.
+        ranges: Find the range of each standard parameter within the bounds of plausible bodies and the noise.
     """
 
     pull: float = PULL
     margin: float = MARGIN
     metric: Metric = "natural"
     bodies: Bodies = "auto"
+    ranges: bool = False
 
     keeps_constraints: ClassVar = True
     from_triangles: ClassVar = True
@@ -105,10 +108,15 @@ class Consistent(Estimator):
         reduced, scale = problem.reduced(weights), scale_of(problem)
         fit = free = self._free(problem, reduced, scale)
         metric, facts = self.metric, None
+        if self.ranges and not self._bounded(problem):
+            raise BadOption("ranges", True, "they need bounds of plausible bodies: --bodies plausible")
         if self._bounded(problem):
             found = plausible_fit(problem, weights, self.pull, self.margin)
             free_beta = tuple(problem.base.from_standard(free.theta).tolist())
             fit, metric, facts = found.fit, "entropic", replace(found.facts, free_beta=free_beta)
+            if self.ranges:
+                spans = (scale.parameters[:, None] * solve_ranges(*found.limited)).tolist()
+                facts = replace(facts, ranges=tuple(map(tuple, spans)))
         beta = problem.base.from_standard(fit.theta)
         run = replace(run_of(fit, scale, reduced, beta, metric), plausibility=facts)
         return Solution(beta, weights, theta=fit.theta, run=run)

@@ -16,6 +16,7 @@ from dynident.files import DAMAGE, read_json, write_atomically
 from dynident.identification.consistency.labels import labels_of
 from dynident.identification.estimate.envelope import Envelope
 from dynident.identification.estimate.estimate import Consistency, Estimate
+from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Fit, NominalErrors, Validation
 from dynident.identification.files.estimate_versions import VERSIONS
 from dynident.identification.files.saved_values import (
@@ -77,6 +78,7 @@ def summary(estimate: Estimate, test: Validation | None = None, warnings: Sequen
 def _standard(estimate: Estimate, theta: Array) -> list[dict[str, Any]]:
     count = len(estimate.model.parameters)
     known = [None] * count if estimate.standard_deviations is None else plain(estimate.standard_deviations)
+    ranges = plain(getattr(Plausibility.of(estimate.run), "ranges", ())) or [None] * count
     return [
         {
             "name": parameter.name,
@@ -86,9 +88,10 @@ def _standard(estimate: Estimate, theta: Array) -> list[dict[str, Any]]:
             "verdict": verdict,
             "label": label.word,
             "data_share": label.data_share,
+            "range": span,
         }
-        for parameter, value, std, verdict, label in zip(
-            estimate.model.parameters, theta, known, estimate.base.verdicts, labels_of(estimate), strict=True
+        for parameter, value, std, verdict, label, span in zip(
+            estimate.model.parameters, theta, known, estimate.base.verdicts, labels_of(estimate), ranges, strict=True
         )
     ]
 

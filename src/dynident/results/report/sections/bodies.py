@@ -10,8 +10,10 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
+from dynident.identification.estimate.plausibility import Plausibility
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import TEN_UNITS
+from dynident.results.plausibility import range_end
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import Column, format_number, format_value, label, line_up, pretty_unit
@@ -69,6 +71,7 @@ class Bodies(ReportSection):
             "bodies": _bodies(names, theta, verdicts),
             "ten": _ten(names, theta, verdicts, estimate.standard_deviations),
             "known": estimate.standard_deviations is not None,
+            "ranges": _ranges(names, Plausibility.of(estimate.run), verdicts),
             "signs": [(sign, verdict) for verdict, sign in SIGNS.items()],
         }
 
@@ -107,6 +110,19 @@ def _ten(
     if deviations is not None:
         table = _with_deviations(table, np.array(whole), deviations[: theta.size].reshape(theta.shape))
     return JudgedTable(columns, table)
+
+
+def _ranges(names: Sequence[str], facts: Plausibility | None, verdicts: Sequence[Sequence[str]]) -> JudgedTable | None:
+    """Return the range of the ten of each link that data and bounds allow; None where none was asked for."""
+    if facts is None or not facts.ranges:
+        return None
+    columns = tuple(Column(symbol, pretty_unit(unit)) for symbol, unit in zip(TEN, TEN_UNITS, strict=True))
+    texts = [" to ".join(range_end(end) for end in span) for span in facts.ranges]
+    rows = tuple(
+        (name, tuple(JudgedBody(texts[10 * i + k], SIGNS[v], v) for k, v in enumerate(verdicts[i])), "")
+        for i, name in enumerate(names)
+    )
+    return JudgedTable(columns, rows)
 
 
 def _with_deviations(
