@@ -65,6 +65,16 @@ def Xform "arm" {
         quatf physics:principalAxes = (1, 0, 0, 0)
         double3 xformOp:translate = (0, 0, 0.3)
         uniform token[] xformOpOrder = ["xformOp:translate"]
+        def Capsule "c" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {
+            uniform token axis = "X"
+            double radius = 0.05
+            double height = 0.3
+            double3 xformOp:scale = (1, 2, 2)
+            uniform token[] xformOpOrder = ["xformOp:scale"]
+        }
+        def Mesh "m" {
+            point3f[] points = [(0, 0, 0), (0.1, 0, 0), (0, 0.2, 0), (0, 0, 0.3)]
+        }
     }
     def Xform "fore" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {
         float physics:mass = 1

@@ -17,6 +17,7 @@ from dynident.cli.main import main
 from dynident.errors import DescriptionError, DynidentError, MissingDependency
 from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Drive
+from dynident.model.shapes import Box
 from dynident.robot_files import read_robot
 
 Usd: Any = pytest.importorskip("pxr.Usd", reason="robot models in USD need usd-core (extra usd)")
@@ -428,3 +429,59 @@ def test_text_that_is_faulty_is_refused(old: str, new: str, told: str, tmp_path:
     (tmp_path / "a.usda").write_bytes(USD.replace(old, new).encode("latin-1"))
     with pytest.raises(DescriptionError, match=told):
         read_robot(tmp_path / "a.usda")
+
+
+def test_shapes_are_read_where_they_stand(stage: Any) -> None:
+    """Units of 0.5 m; under a turned and scaled prim, about the link frame, collision shapes apart from drawn ones."""
+    UsdGeom.SetStageMetersPerUnit(stage, 0.5)
+    holder = UsdGeom.Xform.Define(stage, "/arm/body2/shapes")
+    holder.AddTranslateOp().Set((0.1, 0.2, 0.3))
+    holder.AddRotateZOp().Set(90.0)
+    holder.AddScaleOp().Set((2.0, 2.0, 2.0))
+    UsdPhysics.CollisionAPI.Apply(holder.GetPrim())
+    path = "/arm/body2/shapes"
+    UsdGeom.Sphere.Define(stage, f"{path}/a").CreateRadiusAttr(0.1)
+    UsdGeom.Cube.Define(stage, f"{path}/b").AddScaleOp().Set((1.0, 2.0, 3.0))
+    for kind, name in ((UsdGeom.Cylinder, "c"), (UsdGeom.Capsule, "d")):
+        one = kind.Define(stage, f"{path}/{name}")
+        one.CreateAxisAttr("X"), one.CreateRadiusAttr(0.1), one.CreateHeightAttr(0.6)
+    mesh = UsdGeom.Mesh.Define(stage, f"{path}/e")
+    mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)])
+    squeezed = UsdGeom.Sphere.Define(stage, f"{path}/f")
+    squeezed.AddScaleOp().Set((1.0, 1.0, 0.5))
+    for name, purpose in (("shown", "default"), ("hint", "guide")):
+        UsdGeom.Cube.Define(stage, f"/arm/body2/{name}").CreatePurposeAttr(purpose)
+    robot = again(stage)
+    link = next(one for one in robot.links if one.name == "body2")
+    frame = robot.frames["body2_prim"].translation
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    middle = frame + 0.5 * np.array([0.1, 0.2, 0.3])
+    kinds = {type(shape).__name__: shape for shape in link.shapes}
+    assert len(link.shapes) == 6 and set(kinds) == {"Sphere", "Box", "Cylinder", "Capsule"}
+    boxes = sorted((one for one in link.shapes if isinstance(one, Box)), key=lambda box: box.size.prod())
+    for box, size, at in zip(
+        boxes, ((2, 2, 1), (1, 2, 3), (2, 4, 6)), ((0, 0, 0), (0.5, 1, 1.5), (0, 0, 0)), strict=True
+    ):
+        np.testing.assert_allclose(box.size, size, rtol=1e-6)
+        np.testing.assert_allclose(box.translation, middle + turn @ at, atol=1e-6, rtol=0.0)
+        np.testing.assert_allclose(box.rotation, turn, atol=1e-6, rtol=0.0)
+    assert kinds["Sphere"].radius == pytest.approx(0.1)
+    np.testing.assert_allclose(kinds["Sphere"].centre, middle, atol=1e-6, rtol=0.0)
+    assert (kinds["Cylinder"].radius, kinds["Cylinder"].length) == pytest.approx((0.1, 0.6))
+    np.testing.assert_allclose(kinds["Cylinder"].rotation[:, 2], [0.0, 1.0, 0.0], atol=1e-6, rtol=0.0)
+    ends = np.array([kinds["Capsule"].start, kinds["Capsule"].end])
+    np.testing.assert_allclose(ends, middle + np.outer([-0.3, 0.3], [0.0, 1.0, 0.0]), atol=1e-6, rtol=0.0)
+    assert [type(shape) for shape in link.visuals] == [Box]
+    UsdGeom.Sphere(stage.GetPrimAtPath(f"{path}/a")).GetRadiusAttr().Set(-1.0)
+    with pytest.raises(DescriptionError, match="its radius -1 is no length; write lengths above 0"):
+        again(stage)
+
+
+def test_a_sheared_shape_has_the_box_about_its_corners(stage: Any) -> None:
+    cube = UsdGeom.Cube.Define(stage, "/arm/body2/a")
+    shear = np.array([[1.0, 0, 0, 0], [0.7, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    cube.AddTransformOp().Set(Gf.Matrix4d(shear.tolist()))
+    (shape,) = next(one for one in again(stage).links if one.name == "body2").visuals
+    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, 8).T @ shear[:3, :3]
+    assert isinstance(shape, Box)
+    np.testing.assert_allclose(shape.size, np.ptp(corners, axis=0), rtol=1e-6)

@@ -15,6 +15,7 @@ from dynident.errors import DescriptionError, MissingDependency
 from dynident.model.documents.numbers import Place
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive
+from dynident.model.shapes import Shape
 from dynident.robot_files.tree import Connection
 
 #: Name of what does not move.
@@ -59,11 +60,15 @@ class StageBody:
         prim: Path of its prim.
         inertia: About the origin and in the axes of its link frame; None where the stage does not state all of it.
         shift: Origin of its link frame in the frame of the prim, shape (3,), in m: where its joint turns.
+        shapes: Its shapes that touch, in its link frame.
+        visuals: Those that touch nothing.
     """
 
     prim: str
     inertia: Inertia | None
     shift: Array
+    shapes: tuple[Shape, ...] = ()
+    visuals: tuple[Shape, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, JointLimits, Mimic
+from dynident.model.shapes import Shape
 from dynident.robot_files.rotations import rotation_from_quaternion
 from dynident.robot_files.tree import Connection, some
 from dynident.robot_files.usd_parts import (
@@ -35,6 +36,7 @@ from dynident.robot_files.usd_parts import (
     said,
     whole_inertia,
 )
+from dynident.robot_files.usd_shapes import shape_of
 
 #: Joints that are read, by the names of their prim types.
 _KINDS: Final[Mapping[str, Literal["fixed", "revolute", "prismatic"]]] = {
@@ -123,7 +125,8 @@ class _StageReader:
                 continue  # an object beside the robot
             inertia = self._inertia(prim)
             moved = None if inertia is None else inertia.moved(np.eye(3), -shifts[name])
-            bodies[name] = StageBody(key, moved, shifts[name])
+            kinds = (tuple(one.moved(np.eye(3), -shifts[name]) for one in kind) for kind in self._shapes(prim))
+            bodies[name] = StageBody(key, moved, shifts[name], *kinds)
         default = self.stage.GetDefaultPrim()
         name = default.GetName() if default else Path(str(self.path)).stem
         notes = tuple(dict.fromkeys(self.notes))
@@ -342,7 +345,7 @@ class _StageReader:
         ]
         name = self.body_names[str(prim.GetPath())]
         if missing:
-            if len(missing) < 3 or self._has_shapes(prim):
+            if len(missing) < 3 or any(touches for _, touches in self._parts_of(prim)):
                 self.unknown.append(name)
                 self.notes.append(f"{name} states no {' and no '.join(missing)}: simulators compute it from shapes")
             return None
@@ -358,15 +361,30 @@ class _StageReader:
         tensor = whole * self.units.inertia
         return Inertia.from_centre_of_mass(value * self.units.mass, centre * self.units.length, tensor)
 
-    def _has_shapes(self, body: Any) -> bool:
-        """Return whether a body has collision shapes of its own, from which simulators would compute its mass."""
-        waiting = [body]
+    def _parts_of(self, body: Any) -> Iterator[tuple[Any, bool]]:
+        """Yield the prims of a body that draw something or touch, and whether they touch; not those of bodies in it."""
+        proxies, waiting = pxr_module("Usd").TraverseInstanceProxies(), [(body, False)]
         while waiting:
-            prim = waiting.pop()
+            prim, touches = waiting.pop()
             if prim.HasAPI(self.physics.CollisionAPI):
-                return True
-            waiting += [child for child in prim.GetAllChildren() if str(child.GetPath()) not in self.rigid]
-        return False
+                touches = self.physics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is not False
+            if touches or prim.IsA(self.geometry.Gprim):
+                yield prim, touches
+            children = prim.GetFilteredChildren(proxies)
+            waiting += [(child, touches) for child in children if str(child.GetPath()) not in self.rigid]
+
+    def _shapes(self, body: Any) -> tuple[list[Shape], list[Shape]]:
+        """Return the shapes of a body that touch, and those that only show it, in the frame of its prim."""
+        to_body, found = np.linalg.inv(self._transform(body)), (list[Shape](), list[Shape]())
+        for prim, touches in self._parts_of(body):
+            if prim.IsA(self.geometry.Gprim):
+                check_values(prim, self._place(prim))
+                matrix = self._transform(prim) @ to_body
+                shape = shape_of(prim, matrix, self.units.length, self._place(prim))
+                is_drawn = self.geometry.Imageable(prim).ComputePurpose() in ("default", "render")
+                if shape is not None and (touches or is_drawn):
+                    found[0 if touches else 1].append(shape)
+        return found
 
     def _gravity(self) -> Array:
         up = np.array([0.0, 1.0, 0.0] if str(self.geometry.GetStageUpAxis(self.stage)) == "Y" else [0.0, 0.0, 1.0])

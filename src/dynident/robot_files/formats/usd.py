@@ -67,7 +67,9 @@ def robot_of_stage(path: object, parts: StageParts) -> Robot:
         DescriptionError: No joint moves.
     """
     note = "; ".join([f"read from {PurePath(str(path)).name}", *parts.notes])
-    robot = with_unknown(assemble(path, parts.name, parts.inertias, parts.connections, note), parts.unknown)
+    shapes, visuals = ({name: getattr(one, key) for name, one in parts.bodies.items()} for key in ("shapes", "visuals"))
+    robot = assemble(path, parts.name, parts.inertias, parts.connections, note, shapes, visuals)
+    robot = with_unknown(robot, parts.unknown)
     frames = dict(robot.frames)
     for number, link in enumerate(robot.links):
         shift = parts.bodies[link.name].shift
