@@ -445,6 +445,7 @@ def test_shapes_are_read_where_they_stand(stage: Any) -> None:
     for kind, name in ((UsdGeom.Cylinder, "c"), (UsdGeom.Capsule, "d")):
         one = kind.Define(stage, f"{path}/{name}")
         one.CreateAxisAttr("X"), one.CreateRadiusAttr(0.1), one.CreateHeightAttr(0.6)
+    UsdGeom.Mesh.Define(stage, f"{path}/without_points")
     mesh = UsdGeom.Mesh.Define(stage, f"{path}/e")
     mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 2, 0), (0, 0, 3)])
     squeezed = UsdGeom.Sphere.Define(stage, f"{path}/f")

@@ -68,7 +68,7 @@ def _half_sizes(prim: Any, place: Place) -> tuple[Array, Array, int] | None:
     """Return middle and half lengths (3,) of the box around a prim in its own frame, and the number of its axis."""
     kind = str(prim.GetTypeName())
     if kind in ("Mesh", "Points"):
-        points = np.array(prim.GetAttribute("points").Get(), dtype=float).reshape(-1, 3)
+        points = np.array(prim.GetAttribute("points").Get() or np.zeros((0, 3)), dtype=float)
         if not len(points):
             return None
         if not np.all(np.isfinite(points)):
