@@ -63,8 +63,9 @@ from dynident.model.plausible import is_too_light, outgrown, plausible_constrain
 from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
 
-#: Level of both rules; least and largest weight; share of the residual that nearness to the nominal bodies may cost.
-LEVEL, LEAST, MOST, PRICE = 0.95, 1e-6, 1e6, 0.005
+#: Level of both rules; share of the residual that nearness to the nominal bodies may cost; least and largest weight,
+#: share of the limit that a search of weights aims at, and its most solutions.
+LEVEL, PRICE, LEAST, MOST, NEAR, TRIES = 0.95, 0.005, 1e-6, 1e6, 0.995, 12
 
 #: A mass or a size within this share of its bound is at it.
 _AT_BOUND = 1e-3
@@ -156,7 +157,7 @@ def cost_limit(problem: Problem, beta: Array, cost: float) -> float:
 def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> tuple[Answer, float]:
     """Return the answer of the largest weight whose cost is at most the limit above the inner one, and that weight.
 
-    Where the limited program has no good answer, the largest among some; the inner one and 0 where none is.
+    Where the limited program has no good answer, weights are searched; the inner one and 0 where none keeps the limit.
     """
     raw, weight = solve_limited(pulled, inner.candidate.phi, limit / rows)
     weight = min(rows * weight, MOST) if np.isfinite(weight) else 1.0
@@ -164,18 +165,19 @@ def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> t
     found = checked(program, raw) if weight < MOST else None
     if found is not None and found[1].gap <= GOOD:
         return Answer(program, *found, "Clarabel with exponential cones"), weight
-    best, step = (inner, 0.0), 4.0
-    while LEAST <= weight <= MOST:
+    best, aim, last, slope = (inner, 0.0), np.log(NEAR * limit), None, 1.0
+    least = cost_of(pulled, inner, rows)
+    for _ in range(TRIES):  # secants in logarithms
         answer = solve_program(replace(pulled, weight=weight / rows))
-        if cost_of(pulled, answer, rows) - cost_of(pulled, inner, rows) <= limit:
+        rise = max(cost_of(pulled, answer, rows) - least, 1e-9 * limit)
+        if best[1] < weight and rise <= limit:
             best = answer, weight
-            if step < 1.0:
-                break
-        elif best[1] > 0.0:
+        place = np.array([np.log(weight), np.log(rise) - aim])
+        if abs(place[1]) <= -np.log(NEAR):
             break
-        else:
-            step = 0.25
-        weight *= step
+        if last is not None and place[0] != last[0]:
+            slope = float(np.clip((place[1] - last[1]) / (place[0] - last[0]), 0.1, 3.0))
+        last, weight = place, float(np.clip(np.exp(place[0] - place[1] / slope), LEAST, MOST))
     return best
 
 
