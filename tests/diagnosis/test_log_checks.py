@@ -277,6 +277,19 @@ def test_a_cause_is_told_once(trial: Trial, tmp_path: Path) -> None:
         assert [finding.name for finding in found] == [name], [finding.line() for finding in found]
 
 
+def test_friction_that_turns_before_the_velocity_is_a_friction_curve(trial: Trial, tmp_path: Path) -> None:
+    """As in simulators whose friction looks at the velocity of the next moment: no spring, no counterbalance."""
+    t, q = trial.columns["t"], trial.columns["q"]
+    dq = np.gradient(q, t, axis=0)
+    early = dq + 0.01 * np.gradient(dq, t, axis=0)
+    level = 0.3 * np.std(trial.columns["tau"], axis=0)
+    tau = trial.columns["tau"] + level * (np.tanh(early / 0.005) - np.tanh(dq / 0.005))
+    found = trial.with_columns(tau=tau).examined(tmp_path).findings
+    assert {finding.name for finding in found} <= {"friction curve", "spikes"}, [finding.line() for finding in found]
+    curves = [finding for finding in found if finding.name == "friction curve"]
+    assert len(curves) == 3 and all("turns" in finding.evidence for finding in curves)
+
+
 def test_a_change_shows_against_an_earlier_estimate_where_the_description_is_wrong(
     case: Case, trial: Trial, tmp_path: Path
 ) -> None:

@@ -117,8 +117,9 @@ def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
 
 def _friction_curve(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     unit = "N" if _joint(blame, fit).kind == "prismatic" else "N m"
-    evidence = f"sub-linear viscous or load-dependent friction, {blame.taken.max():.3g} {unit} rms"
-    return evidence, "use friction model selection (friction: auto), or add degressive and load"
+    course = "sub-linear, load-dependent, or turns before or after the velocity does"
+    evidence = f"friction is not Coulomb and viscous friction alone ({course}), {blame.taken.max():.3g} {unit} rms"
+    return evidence, "use friction model selection (friction: auto), or add degressive, load or presliding"
 
 
 def _time_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:

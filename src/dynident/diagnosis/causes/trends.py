@@ -68,6 +68,7 @@ class Trends:
         clock = np.asarray(self._log.time)
         clock = (clock - clock.mean()) / max(float(np.ptp(clock)), 1e-9)
         sign, q = np.tanh(self._speed / rest_speeds(self.fit.model.robot, WIDTH)), np.asarray(self._log.q)
+        turn = (1.0 - sign**2) * (np.asarray(self._log.ddq) @ self._coupling.T)
         load, told = np.abs(self._predicted), judged(self.fit.rows.masks)
         for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
             if not told[i]:
@@ -80,7 +81,7 @@ class Trends:
                 )
             speed = self._speed[:, i]
             size = np.abs(speed)
-            curves = (speed * size, sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i], size)
+            curves = (speed * size, sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i], size, turn[:, i])
             yield _cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
             yield Cause("torque scale", name, self._own_torque(i)[None])
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
