@@ -155,10 +155,7 @@ def cost_limit(problem: Problem, beta: Array, cost: float) -> float:
 
 
 def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> tuple[Answer, float]:
-    """Return the answer of the largest weight whose cost is at most the limit above the inner one, and that weight.
-
-    Where the limited program has no good answer, weights are searched; the inner one and 0 where none keeps the limit.
-    """
+    """Return the answer of the largest weight whose cost is at most the limit above the inner one, and that weight."""
     raw, weight = solve_limited(pulled, inner.candidate.phi, limit / rows)
     weight = min(rows * weight, MOST) if np.isfinite(weight) else 1.0
     program = replace(pulled, weight=weight / rows)
@@ -167,7 +164,7 @@ def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> t
         return Answer(program, *found, "Clarabel with exponential cones"), weight
     best, aim, last, slope = (inner, 0.0), np.log(NEAR * limit), None, 1.0
     least = cost_of(pulled, inner, rows)
-    for _ in range(TRIES):  # secants in logarithms
+    for _ in range(TRIES):  # secants in logarithms, where the limited program has no good answer
         answer = solve_program(replace(pulled, weight=weight / rows))
         rise = max(cost_of(pulled, answer, rows) - least, 1e-9 * limit)
         if best[1] < weight and rise <= limit:
