@@ -8,9 +8,12 @@ least. Known truth: an arm whose robot model is the truth disturbed by 30 %, 20 
 pseudo-inertias to the truth over that of the robot model, of links with a mean data share of 1/2 or more.
 
 Needs the logs under the folder that DYNIDENT_DATA names.
+Weights: the same with multiples of the weight of the pull, and beside it what can be known at most: the fit that also
+knows the law of the disturbance (maximum a posteriori over its 16 numbers a link, not convex).
+
 Time: the fit within bounds, pulled and proved, over the row ``consistent_fit`` on the same QR factors, processor time.
 
-Run: python -m benchmarks.bodies [real|truth|time]
+Run: python -m benchmarks.bodies [real|truth|weights|time]
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.linalg
+import scipy.optimize
 
 from benchmarks.real_data import CASES, RUNS, data_of, how_of
 from benchmarks.strangers.arms import gen3, iiwa, irb, scara, so100, tx2, ur5e, xarm
@@ -151,6 +155,59 @@ def truth():
         show_ratios("all but er16", kind, values)
 
 
+def weights(draws=5, factors=(0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)):
+    """Print the ratios of :func:`truth` for multiples of the weight, and for a fit that knows the disturbance's law."""
+    found = {f"weight x {factor:g}": [] for factor in factors} | {"law of the disturbance known": []}
+    heads = ("arms", "fit", "number", "nearer than the model", "median ratio", "90 %", "largest")
+    print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
+    for name, robot in robots():
+        model = DynamicModel(robot, (Viscous(),))
+        theta = described_truth(model)
+        for seed in range(draws) if name != "er16" else ():
+            nominal = disturbed(model, theta, seed)
+            problem = build_problem(
+                told(model, nominal), [log_of(model, theta, seed)], Preprocessing(AsGiven(), rest="keep")
+            )
+            own = WLS().solve(problem).weights
+            facts = plausible_fit(problem, own, PULL, MARGIN).facts
+            bodies = [
+                plausible_fit(problem, own, PULL, MARGIN, replace(facts, weight=factor * facts.weight)).fit.theta
+                for factor in factors
+            ]
+            bodies.append(most_likely(problem, problem.reduced(own), nominal))
+            informed = Consistent(bodies="free", pull=1.0 / SHARE**2).solve(problem)
+            shares = np.array(informed.run.data_share)[: model.inertial_count].reshape(-1, 10)
+            for i in np.flatnonzero(shares.mean(axis=1) >= 0.5):
+                for values, kind in zip(bodies, found, strict=True):
+                    ten, was, true = (part[10 * i : 10 * i + 10] for part in (values, nominal, theta))
+                    found[kind].append(distance(ten, true) / distance(was, true))
+    for kind, values in found.items():
+        show_ratios("all but er16", kind, values)
+
+
+def most_likely(problem, reduced, nominal):
+    """Return the inertial parameters of least squares in data and in the numbers that :func:`disturbed` draws."""
+    model, count = problem.model, problem.model.inertial_count
+    seen = reduced.r @ problem.base.matrix / np.sqrt(reduced.rest / reduced.rows)
+    aim = reduced.z / np.sqrt(reduced.rest / reduced.rows)
+    others = np.linalg.qr(seen[:, count:])[0]
+    left = np.eye(len(aim)) - others @ others.T  # friction is free
+    seen, aim = left @ seen[:, :count], left @ aim
+    frames = [frame_of(model, i) for i in range(len(model.robot.links))]
+    pseudo = [Inertia.from_vector(ten).pseudo for ten in nominal[:count].reshape(-1, 10)]
+
+    def bodies(x):
+        changes = [
+            frame @ np.linalg.inv(np.eye(4) + 0.5 * SHARE * each) @ np.linalg.inv(frame)
+            for frame, each in zip(frames, x.reshape(-1, 4, 4), strict=True)
+        ]
+        pairs = zip(changes, pseudo, strict=True)
+        return np.concatenate([Inertia.from_pseudo(change @ body @ change.T).vector for change, body in pairs])
+
+    start = np.zeros(16 * len(frames))
+    return bodies(scipy.optimize.least_squares(lambda x: np.append(seen @ bodies(x) - aim, x), start, max_nfev=60).x)
+
+
 def show_ratios(name, kind, values):
     """Print a row of :func:`truth`."""
     if not values:
@@ -192,14 +249,20 @@ def disturbed(model, theta, seed):
     generator = np.random.default_rng([seed, len(theta)])
     found = theta.copy()
     for i in range(len(model.robot.links)):
-        points = link_points(model.robot, i)
-        frame = np.eye(4)
-        frame[:3, :3] *= extent_of(points) / 2
-        frame[:3, 3] = bounding_ellipsoid(points).centre
+        frame = frame_of(model, i)
         change = frame @ (np.eye(4) + 0.5 * SHARE * generator.normal(size=(4, 4))) @ np.linalg.inv(frame)
         body = Inertia.from_vector(theta[10 * i : 10 * i + 10])
         found[10 * i : 10 * i + 10] = Inertia.from_pseudo(change @ body.pseudo @ change.T).vector
     return found
+
+
+def frame_of(model, i):
+    """Return the frame in the middle of a link, half its extent the unit."""
+    points = link_points(model.robot, i)
+    frame = np.eye(4)
+    frame[:3, :3] *= extent_of(points) / 2
+    frame[:3, 3] = bounding_ellipsoid(points).centre
+    return frame
 
 
 def distance(a, b):
@@ -252,6 +315,8 @@ def main() -> None:
     if "truth" in wanted:
         print()
         truth()
+    if "weights" in wanted:
+        weights()
     if "time" in wanted:
         ratios_of_time()
 

@@ -125,7 +125,7 @@ def outgrown(link: Link) -> Ellipsoid | None:
 
 def extent_of(points: Array) -> float:
     """Return the largest distance between two of points (k, 3), in m."""
-    return float(np.max(np.linalg.norm(points[:, None] - points, axis=2)))
+    return float(np.sqrt(np.max(np.sum((points.T[:, :, None] - points.T[:, None]) ** 2, axis=0))))
 
 
 def link_points(robot: Robot, index: int) -> Array:

@@ -12,7 +12,6 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.identification.consistency.conditions import (
     IDENTITY_VECTOR,
-    ROOT2,
     Conditions,
     stack_vectors,
     unstack_vectors,
@@ -42,8 +41,9 @@ class ConicCandidate:
 def solve_conic(program: Program) -> ConicCandidate:
     """Return Clarabel's answer with A kept as it is: e = A phi - y as equations, never A'A (Sousa and Cortesao 2014).
 
-    The entropic prior becomes exponential cones: t <= log det Q where [[Q, Z], [Z', diag(Z)]] >= 0 with Z lower
-    triangular and t <= sum log Z_jj (Nesterov and Nemirovski 1994, section 6.4.3).
+    The entropic prior becomes exponential cones: t <= log det Q where t <= log q_44 + log s_33 + log t_22 + log r with
+    S, T and r at most the Schur complements of the last entries of Q, S and T: Q >= diag(S, 0), S >= diag(T, 0) and
+    T >= diag(r, 0) (Boyd and Vandenberghe 2004, A.5.5).
     """
     size, rows = program.data.shape[1], len(program.data)
     linear, blocks, offsets, cones = _entropy_and_conditions(program, rows)
@@ -217,34 +217,26 @@ def _trace_gradient(program: Program) -> Array:
 
 
 def _entropy_rows(program: Program, rows: int) -> tuple[Array, Array, list[Any]]:
-    """Return the cones that bound the log det of each whitened pseudo-inertia, over (phi, e, Z and u of each link)."""
+    """Return the cones that bound the log det of each whitened pseudo-inertia, over phi, e and S, T, r, u of each."""
     clarabel = _clarabel()
     size, links = program.data.shape[1], program.links
     whitened = whitened_rows(np.linalg.inv(program.whitening), size)
-    upper8 = [(i, j) for j in range(8) for i in range(j + 1)]
-    lower4 = [(i, j) for j in range(4) for i in range(j, 4)]
-    positions = {(i, j): k for k, (i, j) in enumerate((i, j) for j in range(4) for i in range(j + 1))}
-    blocks, offsets, cones = [], [], []
+    blocks, cones = [], []
     for link in range(links):
         first = size + rows + 14 * link
-        block = np.zeros((36 + 12, size + rows + 14 * links))
-        for k, (i, j) in enumerate(upper8):
-            factor = 1.0 if i == j else ROOT2
-            if j < 4:  # Q, whose rows carry the sqrt(2) already
-                block[k, :size] = -whitened[10 * link + positions[i, j]]
-            elif i < 4 and (i, j - 4) in lower4:  # Z
-                block[k, first + lower4.index((i, j - 4))] = -factor
-            elif i == j:  # diag(Z)
-                block[k, first + lower4.index((i - 4, i - 4))] = -1.0
-        for d in range(4):  # (u, 1, Z_dd) in the exponential cone: exp(u) <= Z_dd
-            block[36 + 3 * d, first + 10 + d] = -1.0
-            block[36 + 3 * d + 2, first + lower4.index((d, d))] = -1.0
-        offset = np.zeros(48)
-        offset[37::3] = 1.0
-        blocks.append(block)
-        offsets.append(offset)
-        cones += [clarabel.PSDTriangleConeT(8), *[clarabel.ExponentialConeT()] * 4]
-    return np.vstack(blocks), np.concatenate(offsets), cones
+        parts = np.zeros((24, size + rows + 14 * links))  # Q, S, T, r and u
+        parts[:10, :size] = whitened[10 * link : 10 * link + 10]
+        parts[10:, first : first + 14] = np.eye(14)
+        steps = parts[:19].copy()
+        steps[[0, 1, 2, 3, 4, 5, 10, 11, 12, 16]] -= parts[10:20]
+        logs = np.zeros((12, parts.shape[1]))  # (u, 1, pivot) in the exponential cone: exp(u) <= pivot
+        logs[::3], logs[2::3] = parts[20:], parts[[9, 15, 18, 19]]
+        blocks += [-steps, -logs]
+        cones += [clarabel.PSDTriangleConeT(4), clarabel.PSDTriangleConeT(3), clarabel.PSDTriangleConeT(2)]
+        cones += [clarabel.ExponentialConeT()] * 4
+    offset = np.zeros(31 * links).reshape(-1, 31)
+    offset[:, 20::3] = 1.0
+    return np.vstack(blocks), offset.ravel(), cones
 
 
 @cache

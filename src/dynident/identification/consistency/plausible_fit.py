@@ -117,7 +117,7 @@ def plausible_fit(
 
     with one_blas_thread():  # matrices this small are slower on several threads
         try:
-            inner = solve_program(program, stated=settled is None)
+            inner = solve_program(program, stated=settled is None and not problem.constraints.is_empty)
         except ContradictoryConstraints as clash:
             step = "drop or change one of them; bounds of the robot model give way to stated ones and to --bodies free"
             raise ContradictoryConstraints(clash.evidence, step) from clash
