@@ -18,9 +18,10 @@ SEGMENT, FOLDED = 1 << 16, 2000
 
 
 def stretches(samples: int, reach: int, is_thinned: bool) -> Iterator[slice]:
-    """Yield slices of all samples; unless thinned, the first and the last are those where a filter sees the ends."""
-    inner = range(0, samples, SEGMENT)[1:] if is_thinned else range(reach, samples - reach, SEGMENT)
-    edges = [0, *inner, samples] if is_thinned or not inner else [0, *inner, samples - reach, samples]
+    """Yield slices of all samples; of many, not thinned, the first and the last are where a filter sees the ends."""
+    is_whole = is_thinned or samples <= SEGMENT
+    inner = range(0, samples, SEGMENT)[1:] if is_whole else range(reach, samples - reach, SEGMENT)
+    edges = [0, *inner, samples] if is_whole or not inner else [0, *inner, samples - reach, samples]
     yield from map(slice, edges[:-1], edges[1:])
 
 

@@ -12,7 +12,7 @@ frequencies, of positions that were filtered before they were logged, is underes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -73,13 +73,14 @@ def noise_bias(
     noise = [np.sqrt(noise_floor(log.q, log.rate) * log.rate / 2) for log in even]
     problem = with_load(problem, estimate.beta)
     try:
-        if not _may_matter(estimate, problem, even, noise):
+        more = _noisy(problem, even, noise, ADDED[0] ** 0.5)
+        if not _may_matter(estimate, problem, more):
             return None
         progress("noise of the positions")
-        first = _moved(estimate, problem, even, noise, ADDED[0])
+        first = _moved(estimate, problem, (more, _noisy(problem, even, noise, -(ADDED[0] ** 0.5))))
         if not np.any(np.abs(first) > MATTERS / 2 * estimate.std):
             return None
-        second = _moved(estimate, problem, even, noise, ADDED[1])
+        second = _moved(estimate, problem, (_noisy(problem, even, noise, way * ADDED[1] ** 0.5) for way in (1, -1)))
     except DynidentError:  # so much noise that the rows determine nothing
         return None
     (once, more), (slope, steep) = ADDED, (first / ADDED[0], second / ADDED[1])
@@ -90,15 +91,23 @@ def noise_bias(
     return NoiseBias(tuple(np.sqrt(np.mean(np.square(noise), axis=0)).tolist()), tuple(bias.tolist()))
 
 
-def _may_matter(estimate: Estimate, problem: Problem, logs: Sequence[Log], noise: Sequence[Array]) -> bool:
+def _noisy(problem: Problem, logs: Sequence[Log], noise: Sequence[Array], times: float) -> list[Prepared]:
+    """Return the logs of a problem with white noise on the positions, of ``times`` the deviations (n,) of each."""
+    found = []
+    for k, (log, size, plain) in enumerate(zip(logs, noise, problem.logs, strict=True)):
+        drawn = times * size * np.random.default_rng([SEED, k]).normal(size=log.q.shape)
+        found.append(preprocess(replace(log, q=log.q + drawn), replace(plain.how, delay_s=plain.delay_s)))
+    return found
+
+
+def _may_matter(estimate: Estimate, problem: Problem, logs: Sequence[Prepared]) -> bool:
     """Return whether the bias may be as large as the deviations, by what a draw of the noise does to the torque.
 
     The bound: the root of the effective rows, times the noise of the torque by the positions over the residual, times
     the noise of the accelerations over themselves.
     """
     regressor, worst = problem.regressor, 0.0
-    for log, plain, drawn in zip(logs, problem.logs, _drawn(logs, noise, ADDED[0]), strict=True):
-        noisy = _prepared(replace(log, q=log.q + drawn), plain)
+    for noisy, plain in zip(logs, problem.logs, strict=True):
         change = regressor.predict(noisy.log, estimate.beta) - regressor.predict(plain.log, estimate.beta)
         change = plain.smooth(change.T).T[plain.keep] / np.asarray(estimate.joint_deviations)
         before, after = (motion_of(one.log).ddq[plain.keep] for one in (plain, noisy))
@@ -108,25 +117,9 @@ def _may_matter(estimate: Estimate, problem: Problem, logs: Sequence[Log], noise
     return bool(np.sqrt(rows) * worst * REACHED > MATTERS)
 
 
-def _moved(estimate: Estimate, problem: Problem, logs: Sequence[Log], noise: Sequence[Array], added: float) -> Array:
-    """Return what noise of so much more variance moves weighted least squares by, shape (b,)."""
+def _moved(estimate: Estimate, problem: Problem, draws: Iterable[Sequence[Prepared]]) -> Array:
+    """Return what noise moves weighted least squares by in the mean over the logs with several draws, shape (b,)."""
     weights = 1.0 / np.asarray(estimate.joint_deviations)
-    found = []
-    for sign in (1.0, -1.0):
-        parts = zip(logs, _drawn(logs, noise, added), problem.logs, strict=True)
-        prepared = [_prepared(replace(log, q=log.q + sign * drawn), plain) for log, drawn, plain in parts]
-        posed = make_problem(problem.model, problem.base, prepared, problem.load)
-        found.append(least_squares(posed.reduced(weights)).beta)
+    posed = (make_problem(problem.model, problem.base, noisy, problem.load) for noisy in draws)
+    found = [least_squares(each.reduced(weights)).beta for each in posed]
     return np.mean(found, axis=0) - least_squares(problem.reduced(weights)).beta
-
-
-def _drawn(logs: Sequence[Log], noise: Sequence[Array], added: float) -> list[Array]:
-    """Return white noise for the positions of each log, shape (N, n) each."""
-    parts = enumerate(zip(logs, noise, strict=True))
-    return [
-        np.sqrt(added) * size * np.random.default_rng([SEED, k]).normal(size=log.q.shape) for k, (log, size) in parts
-    ]
-
-
-def _prepared(log: Log, like: Prepared) -> Prepared:
-    return preprocess(log, replace(like.how, delay_s=like.delay_s))
