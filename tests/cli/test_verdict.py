@@ -230,6 +230,29 @@ def test_a_wrong_nominal_model_is_worse_and_the_true_one_is_not(
     assert last["mass"]["nominal"] == pytest.approx(1.5) and last["inertia_change"] > 0.2
 
 
+def test_plausible_links_are_a_criterion(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Met within all bounds, not with one relaxed (a mass ten times too large) nor without any."""
+
+    def scaled(robot: Robot, factors: tuple[float, ...]) -> Robot:
+        bodies = [(link, link.inertia) for link in robot.links if link.inertia is not None]
+        links = [
+            replace(link, inertia=type(body).from_vector(factor * body.vector))
+            for (link, body), factor in zip(bodies, factors, strict=True)
+        ]
+        return replace(robot, links=tuple(links))
+
+    dense = scaled(spatial_3r, (10.0, 10.0, 10.0))
+    recorded(dense)
+    answered(capsys, 0, "identify", "case.yaml", "run.csv", "--accept", "plausible", *QUICK)
+    free = answered(capsys, 3, "identify", "case.yaml", "run.csv", "--bodies", "free", "--accept", "plausible", *QUICK)
+    assert "--bodies plausible" in free["verdict"]["criteria"][0]["detail"]
+    Path("arm.json").write_text(json.dumps(robot_to_dict(scaled(dense, (1.0, 1.0, 10.0)))))
+    found = answered(capsys, 3, "identify", "case.yaml", "run.csv", "--accept", "plausible", *QUICK)
+    assert "relaxed: " in found["verdict"]["criteria"][0]["detail"]
+
+
 def test_a_robot_model_without_inertias_says_so(
     spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,6 +20,7 @@ LIMITS = {
 CONDITIONS = {
     "better_than_nominal": "total relative error below that of the nominal inertias with friction fitted alone",
     "consistent": "physically consistent",
+    "plausible": "links within bounds from the robot model, none of them relaxed",
     "log_checks": "no finding of the log checks at error level",
 }
 

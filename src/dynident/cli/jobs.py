@@ -43,7 +43,7 @@ def add_accept(group: argparse._ActionsContainer) -> None:
         default=[],
         metavar="CRITERION[=LIMIT]",
         help="what the estimate must meet, beside accept: of the case file: total_error=5%% joint_error=10%% "
-        "interval=5%% better_than_nominal consistent log_checks; exit code 3 where it does not",
+        "interval=5%% better_than_nominal consistent plausible log_checks; exit code 3 where it does not",
     )
 
 

@@ -13,6 +13,7 @@ from dynident.arrays import finite
 from dynident.case.acceptance import CONDITIONS, CRITERIA, Acceptance
 from dynident.diagnosis.finding import Severity
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Z_95, Validation
 
 ACCEPTED, NOT_ACCEPTED, NOT_MET, NO_CRITERIA = "accepted", "not accepted", "criteria not met", "no criteria"
@@ -181,6 +182,12 @@ def _judged(
     if name == "consistent":
         reasons = "; ".join(estimate.consistency.reasons[:2])
         return AcceptanceCriterion(name, None, None, estimate.consistency.consistent, reasons)
+    if name == "plausible":
+        facts = Plausibility.of(estimate.run)
+        relaxed = [f"{one.bound} of {one.name}" for one in facts.contradicted if one.is_relaxed] if facts else []
+        why = f"relaxed: {', '.join(relaxed)}" if relaxed else ""
+        why = why if facts else "the fit has no bounds of plausible links: --bodies plausible"
+        return AcceptanceCriterion(name, None, None, not why and estimate.consistency.consistent, why)
     if name == "log_checks":
         count = None if quality is None else len(errors_in(quality))
         return AcceptanceCriterion(name, count, 0, count == 0, "the log checks were not made" if count is None else "")
