@@ -231,12 +231,20 @@ def test_another_width_of_the_sign_is_no_wrong_clock(width: float, tmp_path: Pat
     assert all(finding.numbers["torque"] < 0.5 for finding in curves)
 
 
-@pytest.mark.parametrize(("mass", "severity"), [(0.8, "note"), (2.0, "warning")])
-def test_a_payload_is_weighed(trial: Trial, mass: float, severity: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("mass", "severity", "words"),
+    [
+        (0.8, "note", "remove the payload or tool, or add it to the robot model"),
+        (2.0, "warning", "remove the payload or tool, or add it to the robot model"),
+        (-1.0, "note", "take a tool that is not mounted out of the robot model"),
+    ],
+)
+def test_a_payload_is_weighed(trial: Trial, mass: float, severity: str, words: str, tmp_path: Path) -> None:
     """The last link has 3 kg, of which a tenth may be an error of the robot model."""
     found = put.loaded(trial, mass, np.random.default_rng(0)).examined(tmp_path).findings
     (load,) = [finding for finding in found if finding.name == "load at the flange"]
-    assert load.severity == severity and "remove the payload or tool, or add it to the robot model" in load.remedy
+    assert load.severity == severity and words in load.remedy
+    assert ("kg) less at the flange" in load.evidence) == (mass < 0)
     assert load.numbers["mass_kg"] == pytest.approx(mass, abs=0.04)
     assert load.numbers["std_kg"] == pytest.approx(0.3, rel=0.1)
 
