@@ -54,6 +54,7 @@ class Cause:
         likelier: Factor on its merit, above 1 for a cause that is likelier beforehand than one with the same torque.
         hidden: How many of the coefficients, the last ones, have a prior about what the others make them, and are not
             told.
+        is_filtered: Whether the columns are filtered as the torques are, and stand at the kept rows.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Cause:
     columns: Array
     likelier: float = 1.0
     hidden: int = 0
+    is_filtered: bool = False
 
     @property
     def told(self) -> int:

@@ -47,19 +47,19 @@ class Trends:
 
     @cached_property
     def causes(self) -> tuple[Cause, ...]:
-        """The causes that are tried; those of columns over all rows are filtered as the torques are, all at once."""
+        """The causes that are tried; those that are not filtered yet are filtered as the torques are, all at once."""
         found, prepared = list(self._causes()), self.fit.rows.prepared
-        columns = [cause.columns.transpose(0, 2, 1) for cause in found if cause.name != "torque scale"]
+        columns = [cause.columns.transpose(0, 2, 1) for cause in found if not cause.is_filtered]
         there = [column.any(axis=2) for column in columns]
         smooth = prepared.smooth(np.concatenate([column[at] for column, at in zip(columns, there, strict=True)]))
         ends = np.cumsum([np.count_nonzero(at) for at in there])
         filtered = zip(there, np.split(smooth[:, prepared.keep], ends[:-1]), strict=True)
         for k, cause in enumerate(found):
-            if cause.name != "torque scale":
+            if not cause.is_filtered:
                 at, own = next(filtered)
                 values = np.zeros((*at.shape, own.shape[1]))
                 values[at] = own
-                found[k] = replace(cause, columns=values.transpose(0, 2, 1))
+                found[k] = replace(cause, columns=values.transpose(0, 2, 1), is_filtered=True)
         return tuple(found)
 
     def _causes(self) -> Iterator[Cause]:
@@ -83,7 +83,7 @@ class Trends:
             size = np.abs(speed)
             curves = (speed * size, sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i], size, turn[:, i])
             yield _cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
-            yield Cause("torque scale", name, self._own_torque(i)[None])
+            yield Cause("torque scale", name, self._own_torque(i)[None], is_filtered=True)
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
         yield _cause("friction drift", "", *warm)
         yield _cause("time scale", "", self._clock())
