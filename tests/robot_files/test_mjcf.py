@@ -214,6 +214,48 @@ def test_models_are_attached_with_their_own_settings(tmp_path: Path, whole: bool
     assert_as_mujoco(found, path)
 
 
+GRIPPER = f"""<mujoco model="hand"><compiler angle="radian"/>
+<default><motor armature=".3"/></default><worldbody>
+<body name="palm" pos=".1 .2 .3"><joint name="p" axis="0 1 0"/>{BODY}
+<body name="left" pos="0 .1 0"><joint name="l" axis="1 0 0"/>{BODY}</body>
+<body name="right" pos="0 -.1 0"><joint name="r" axis="1 0 0"/>{BODY}</body></body>
+<body name="aside"><joint name="s"/>{BODY}</body></worldbody>
+<actuator><motor joint="p" gear="2" damping=".7" forcerange="-9 9"/><motor joint="l"/><motor joint="s"/></actuator>
+<equality><joint joint1="r" joint2="l" polycoef=".1 -1 0 0 0"/><joint joint1="s" joint2="l"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("attached", "leader"),
+    [
+        ('<attach model="hand" body="palm" prefix="h_"/>', "h_l"),
+        ('<attach model="hand" prefix="h_"/>', "h_l"),
+        (
+            '<replicate count="2" offset="1 0 0" sep="-"><attach model="hand" body="palm" prefix="h_"/></replicate>',
+            "h_l-1",
+        ),
+        ('<attach model="hand" body="palm" prefix="a_"/><attach model="hand" body="palm" prefix="b_"/>', "b_l"),
+    ],
+    ids=["a body", "its world", "replicas", "twice"],
+)
+def test_actuators_and_equalities_come_with_attached_models(tmp_path: Path, attached: str, leader: str) -> None:
+    (tmp_path / "hand.xml").write_text(GRIPPER)
+    found, path = robot(arm(HINGE + BODY + attached, '<asset><model name="hand" file="hand.xml"/></asset>'), tmp_path)
+    assert_as_mujoco(found, path)
+    joints = {joint.name: joint for joint in found.joints}
+    follower = joints[leader.replace("_l", "_r")]
+    assert follower.mimic is not None and follower.mimic.joint == leader
+    assert joints[leader.replace("_l", "_p")].limits.effort == 18.0
+    assert [name for name in joints if name.startswith("h_s")] == (["h_s"] if "body" not in attached else [])
+
+
+def test_a_muscle_of_an_attached_model_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "hand.xml").write_text(GRIPPER.replace('<motor joint="s"/>', '<muscle joint="p"/>'))
+    head = '<asset><model name="hand" file="hand.xml"/></asset>'
+    text = arm(HINGE + BODY + '<attach model="hand" body="palm" prefix="h_"/>', head)
+    with pytest.raises(DescriptionError, match=r"hand.xml: line \d+, <muscle>: a muscle is not read"):
+        robot(text, tmp_path)
+
+
 def _stl(path: Path, seed: int, count: int = 40) -> None:
     """Write the hull of some points with a dent, as a closed surface."""
     from scipy.spatial import ConvexHull

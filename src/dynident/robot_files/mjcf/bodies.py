@@ -17,7 +17,7 @@ from dynident.model.shapes import Shape
 from dynident.robot_files.mjcf.body_inertia import inertia_of_body, stated_body
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed, pose_of
-from dynident.robot_files.mjcf.scope import MjcfScope, check_attached, submodel
+from dynident.robot_files.mjcf.scope import MjcfScope, submodel
 from dynident.robot_files.tree import Connection, between_joints, numbered
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
 from dynident.robot_files.xml_values import Values
@@ -80,6 +80,7 @@ class MjcfTree:
         sources: The bodies of the file, by name.
         motors: The actuators that give a joint armature or damping, by joint.
         copies: What the names of the copies of a joint in a ``<replicate>`` end with, by its name there.
+        scopes: Of the model and of those attached to it.
         curved: The joints with damping of second or third order.
         notes: What has a torque in MuJoCo and none here.
     """
@@ -93,6 +94,7 @@ class MjcfTree:
     sources: dict[str, BodySource] = field(default_factory=dict)
     motors: dict[str, list[Element]] = field(default_factory=dict)
     copies: dict[str, list[str]] = field(default_factory=dict)
+    scopes: list[MjcfScope] = field(default_factory=list)
     curved: set[str] = field(default_factory=set)
     notes: dict[str, list[str]] = field(default_factory=dict)
 
@@ -132,16 +134,15 @@ class _TreeReader:
     """Walks through the world from the top."""
 
     def __init__(self, document: MjcfDocument) -> None:
-        self.tree = MjcfTree()
+        self.tree = MjcfTree(scopes=[MjcfScope.of(document)])
         self._moving = 0
         self._loose: list[DescriptionError] = []
         self._given = {
             one.attributes.get("name", "") for world in document.sections["worldbody"] for one in _below(world)
         }
-        scope = MjcfScope.of(document)
         carrier = _Carrier(WORLD, np.zeros(3))
         for world in document.sections["worldbody"]:
-            self._inside(list(self._flat(world, IDENTITY, scope)), carrier)
+            self._inside(list(self._flat(world, IDENTITY, self.tree.scopes[0])), carrier)
         if self._loose and not self.tree.joints:
             raise self._loose[0]
 
@@ -181,9 +182,8 @@ class _TreeReader:
     def _attached(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
         values = Values(element.place, element.attributes)
         inner = submodel(values, scope)
-        prefix = scope.prefix + values.text("prefix", "")
-        own = MjcfScope.of(inner, prefix, scope.suffix, scope.depth + 1)
-        check_attached(values.place, inner)
+        own = MjcfScope.of(inner, scope.prefix + values.text("prefix", ""), scope.suffix, scope.depth + 1)
+        self.tree.scopes.append(own)
         children = [child for world in inner.sections["worldbody"] for child in self._flat(world, IDENTITY, own)]
         if "frame" in values:
             raise values.place.error("a frame of another model is attached", "attach the body that it stands in")

@@ -10,7 +10,6 @@ from typing import Final
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Frame, Robot
 from dynident.robot_files.mjcf.bodies import WORLD, MjcfTree, read_tree
-from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument, read_document
 from dynident.robot_files.mjcf.poses import IDENTITY
 from dynident.robot_files.mjcf.ties import tied
@@ -80,4 +79,4 @@ def read_mjcf_model(path: object, data: bytes, texts: Mapping[str, bytes] | None
     if wanted > 0.0 and total > 0.0:
         for name, body in tree.bodies.items():
             tree.bodies[name] = None if body is None else Inertia.from_vector(wanted / total * body.vector)
-    return MjcfModel(document, tree, tied(document, Defaults(document.sections.get("default", [])), tree))
+    return MjcfModel(document, tree, tied(document, tree))

@@ -80,12 +80,13 @@ def submodel(values: Values, scope: MjcfScope) -> MjcfDocument:
     file = Values(element.place, element.attributes).name("file")
     found = read_document(scope.document.folder / file, file_beside(element, "file", file, scope.document.folder))
     scope.document.texts.update(found.texts)
+    _check_attached(values.place, found)
     return found
 
 
-def check_attached(place: Place, document: MjcfDocument) -> None:
+def _check_attached(place: Place, document: MjcfDocument) -> None:
     """Refuse an attached model with something outside of its world that would be lost."""
-    for section in ("equality", "actuator", "tendon", "deformable"):
-        if any(True for _ in document.each(section)) and section != "actuator":
+    for section in ("tendon", "deformable"):
+        if any(True for _ in document.each(section)):
             step = f"write its <{section}> in the main file, or put the bodies there"
             raise place.error(f"the attached model has <{section}>, which is not read", step)

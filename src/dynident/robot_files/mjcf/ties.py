@@ -12,8 +12,9 @@ from dynident.errors import nearest
 from dynident.model.documents.numbers import shown
 from dynident.model.robot import Drive, Mimic
 from dynident.robot_files.mjcf.bodies import MjcfTree
-from dynident.robot_files.mjcf.defaults import ACTUATORS, Defaults
+from dynident.robot_files.mjcf.defaults import ACTUATORS
 from dynident.robot_files.mjcf.document import MjcfDocument
+from dynident.robot_files.mjcf.scope import MjcfScope
 from dynident.robot_files.tree import Connection, with_held
 from dynident.robot_files.xml_elements import Element
 from dynident.robot_files.xml_values import Values
@@ -25,7 +26,7 @@ _BODIES: Final = ("body1", "body2")
 _PARAMETERS: Final = ("dyntype", "gaintype", "biastype")
 
 
-def tied(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Connection]:
+def tied(document: MjcfDocument, tree: MjcfTree) -> list[Connection]:
     """Return the joints with what follows another, what is held still, gears and limits of torque.
 
     Raises:
@@ -35,10 +36,10 @@ def tied(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Con
     for element in document.each("deformable"):
         if element.tag == "flex":
             raise element.place.error("a flexible body is not read", f"remove it: {_RIGID}")
-    joints = tree.connections if "equality" in document.disabled else _followed(document, defaults, tree)
+    joints = tree.connections if "equality" in document.disabled else _followed(tree)
     for element in document.each("tendon"):
-        _note_tendon(document, defaults.values(element, "", "tendon"), element, tree)
-    joints = _driven(document, defaults, tree, joints)
+        _note_tendon(document, tree.scopes[0].defaults.values(element, "", "tendon"), element, tree)
+    joints = _driven(tree, joints)
     damped, rubs = "damper" not in document.disabled, "frictionloss" not in document.disabled
     return [
         replace(joint, damping=joint.damping if damped else 0.0, friction=joint.friction if rubs else 0.0)
@@ -46,22 +47,23 @@ def tied(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Con
     ]
 
 
-def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Connection]:
+def _followed(tree: MjcfTree) -> list[Connection]:
     joints = {joint.name: joint for joint in tree.connections}
     ties: dict[str, Element] = {}
     still: dict[str, float] = {}
-    for element, suffix in _equalities(document, defaults, tree):
-        values = defaults.values(element, "", "equality")
+    for element, scope, suffix in _equalities(tree):
+        values = scope.defaults.values(element, "", "equality")
         if element.tag == "tendon":
-            values = _of_joints(values, document, tree, ties)
+            values = _of_joints(values, scope.document, tree, ties)
         elif element.tag != "joint":
-            mocap = [name for key in _BODIES if (name := values.text(key, "")) and _is_mocap(name, tree)]
+            bodies = [scope.named(values.text(key)) for key in _BODIES if key in values]
+            mocap = [name for name in bodies if _is_mocap(name, tree)]
             if mocap:  # a handle of the simulator
                 tree.note("what ties it to mocap bodies", mocap[0])
                 continue
             step = 'remove it, or write active="false": loops of bodies are not read'
             raise values.place.error(f"the equality constraint <{element.tag}> closes a loop of bodies", step)
-        names = {key: values.text(key) + suffix for key in _ENDS if key in values}
+        names = {key: scope.prefix + values.text(key) + suffix for key in _ENDS if key in values}
         values = replace(values, given={**values.given, **names})
         one = _joint_named(values, "joint1", joints, tree)
         if one in ties:
@@ -106,17 +108,26 @@ def _of_joints(values: Values, document: MjcfDocument, tree: MjcfTree, tied: Col
     return Values(values.place, given)
 
 
-def _equalities(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> Iterator[tuple[Element, str]]:
+def _equalities(tree: MjcfTree) -> Iterator[tuple[Element, MjcfScope, str]]:
     """Yield the active equalities, of joints in a ``<replicate>`` once a copy, with what names there end with."""
-    for element in document.each("equality"):
-        values = defaults.values(element, "", "equality")
-        if values.flag("active", True):
-            ends = [tree.copies.get(values.text(key), [""]) for key in _ENDS if key in values]
+    for scope in tree.scopes:
+        for element in scope.document.each("equality"):
+            values = scope.defaults.values(element, "", "equality")
+            ends = [_endings(values.text(key), scope, tree) for key in _ENDS if key in values]
+            if not values.flag("active", True) or (element.tag == "joint" and scope.depth and not all(ends)):
+                continue  # of an attached model, what ties joints that are not attached stays behind
             if len(ends) == 2 and ends[0] != ends[1]:
                 evidence = "no <replicate> copies both of its joints"
                 names = f"{values.text('joint1')}{ends[0][0]} and {values.text('joint2')}{ends[1][0]}"
                 raise values.place.error(evidence, f"name those of copies, such as {names}")
-            yield from ((element, suffix) for suffix in (ends[0] if ends else [""]))
+            yield from ((element, scope, suffix) for suffix in (ends[0] if ends else [scope.suffix]))
+
+
+def _endings(name: str, scope: MjcfScope, tree: MjcfTree) -> list[str]:
+    """Return what the names of the copies of a joint end with; of an attached model, none where it is not attached."""
+    known = tree.copies.get(scope.prefix + name, [scope.suffix])
+    ends = [end for end in known if end.endswith(scope.suffix)]
+    return [end for end in ends if scope.prefix + name + end in tree.joints] if scope.depth else ends
 
 
 def _joint_named(values: Values, key: str, joints: Mapping[str, Connection], tree: MjcfTree) -> str:
@@ -168,12 +179,12 @@ def _note_tendon(document: MjcfDocument, values: Values, element: Element, tree:
             return
 
 
-def _driven(document: MjcfDocument, defaults: Defaults, tree: MjcfTree, joints: list[Connection]) -> list[Connection]:
+def _driven(tree: MjcfTree, joints: list[Connection]) -> list[Connection]:
     """Return the joints with the gears, rotor inertia, damping and limits of torque of their actuators."""
     found = {joint.name: joint for joint in joints}
     motors: dict[str, list[_Motor]] = {}
-    for element in document.each("actuator"):
-        values = defaults.values(element, "")
+    for scope, element in ((each, one) for each in tree.scopes for one in each.document.each("actuator")):
+        values = scope.defaults.values(element, "")
         words = {values.text(name, "") for name in _PARAMETERS}
         if element.tag == "muscle" or "muscle" in words:
             raise values.place.error("a muscle is not read", f"replace it by a motor of the joint: {_RIGID}")
@@ -183,8 +194,8 @@ def _driven(document: MjcfDocument, defaults: Defaults, tree: MjcfTree, joints: 
             if states:
                 tree.note("armature and damping of actuators beside joints", values.text("name", element.tag))
             continue
-        names = [name + suffix for suffix in tree.copies.get(name, [""])]
-        if names[0] not in tree.joints:
+        names = [scope.prefix + name + end for end in _endings(name, scope, tree)]
+        if names and names[0] not in tree.joints:
             step = f"correct the name{nearest(name, tree.joints)}"
             raise values.place.error(f"its joint {shown(name)} is not there", step)
         motor = _motor(values, element)
