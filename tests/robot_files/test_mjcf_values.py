@@ -201,7 +201,10 @@ def test_a_class_is_not_shown_as_a_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("ties", "told"),
     [
-        ('<joint joint1="j2" joint2="j1"/><joint joint1="j1" joint2="j2"/>', "follows itself"),
+        (
+            '<joint joint1="j2" joint2="j1"/><joint joint1="j1" joint2="j2"/>',
+            "follow each other: 'j1' -> 'j2' -> 'j1': redundant equality c",
+        ),
         ('<joint joint1="j2" joint2="j1"/><joint joint1="j2" joint2="j3"/>', "joint 'j2' is tied twice"),
         ('<joint joint1="j2" joint2="j1" polycoef="0 1 1 0 0"/>', "is no linear one of joints"),
         ('<joint joint1="j1"/><joint joint1="j2"/><joint joint1="j3"/>', "a model without moving joints"),
@@ -211,6 +214,16 @@ def test_ties_that_cannot_be_of_a_model_in_python(ties: str, told: str) -> None:
     model = mujoco.MjModel.from_xml_string(two(tail=f"<equality>{ties}</equality>"))
     with pytest.raises(BadArgument, match=told):
         robot_of(model)
+
+
+def test_a_geom_too_small_for_its_mass_is_refused(tmp_path: Path) -> None:
+    """MuJoCo refuses it by the mass of its body; with a density it adds nothing."""
+    for small in ('type="sphere" size="1e-110"', 'type="capsule" size="1e-110 1e-108"'):
+        text = ONE.format("", "", f'{small} mass="1"')
+        with pytest.raises(ValueError, match="must be larger than mjMINVAL"):
+            mujoco.MjModel.from_xml_string(text)
+        with pytest.raises(DescriptionError, match=r"<geom>: size '.*' is too small for its mass of 1 kg; write len"):
+            both(text, tmp_path)
 
 
 def test_an_equality_that_mujoco_leaves_out_is_refused(tmp_path: Path) -> None:

@@ -14,7 +14,15 @@ from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, JointLimits, Mimic, Robot, rotation_about
 from dynident.robot_files.mjcf.bodies import FLOATING
 from dynident.robot_files.rotations import rotation_from_quaternion
-from dynident.robot_files.tree import Connection, assemble, between_joints, carried_by_leaders, numbered, with_held
+from dynident.robot_files.tree import (
+    Connection,
+    assemble,
+    between_joints,
+    carried_by_leaders,
+    numbered,
+    ring,
+    with_held,
+)
 
 #: Types of joints and of equality constraints of MuJoCo (mjtJoint, mjtEq).
 _FREE, _SLIDE, _HINGE = 0, 2, 3
@@ -71,7 +79,7 @@ def robot_of_mujoco(model: Any) -> Robot:
     try:
         found = assemble("robot", name, bodies.inertias, list(bodies.joints.values()), _note(model, off))
     except DescriptionError as error:
-        raise BadArgument("robot", f"{error.where} {error.evidence}".strip(), error.step) from error
+        raise BadArgument("robot", ": ".join(filter(None, (error.where, error.evidence))), error.step) from error
     links = {base: Frame(-1, np.eye(3), np.zeros(3))}
     links |= {link.name: Frame(i, np.eye(3), np.zeros(3)) for i, link in enumerate(found.links)} | dict(found.frames)
     frames = dict(found.frames)
@@ -249,6 +257,9 @@ def _tie(model: Any, bodies: _MujocoParts) -> None:
         else:
             still[joint.name] = zero + constant
     joints.update(with_held(joints, still))
+    for words in filter(None, (ring(name, joints) for name in bodies.moving)):
+        evidence = f"joints follow each other: {words}: redundant equality constraints"
+        raise BadArgument("robot", evidence, "remove one of them from the model")
 
 
 def _is_handle(model: Any, number: int) -> bool:

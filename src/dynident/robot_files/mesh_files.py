@@ -28,11 +28,13 @@ class MissingMesh:
         link: The link that it belongs to.
         file: Its name in the robot model.
         reason: Why it was not found.
+        is_visual: Whether it only shows the link.
     """
 
     link: str
     file: str
     reason: str
+    is_visual: bool = False
 
 
 def package_folders(robot: Robot, robot_file: str | Path) -> tuple[Path, ...]:

@@ -266,6 +266,16 @@ def _loop(path: object, start: str, connections: Sequence[Connection]) -> Except
     return Place(path).error(f"the links form a loop: {words}", "remove one joint of the loop: only trees are read")
 
 
+def ring(start: str, joints: Mapping[str, Connection]) -> str:
+    """Return in words which joints follow each other from one on; empty where that ends."""
+    seen = [start]
+    while (joint := joints.get(seen[-1])) is not None and joint.mimic is not None and joint.kind != "fixed":
+        seen.append(joint.mimic.joint)
+        if seen[-1] in seen[:-1]:
+            return " -> ".join(map(shown, seen))
+    return ""
+
+
 def _followers(path: object, connections: Sequence[Connection]) -> dict[str, Mimic]:
     """Return what each follower follows in the end; chains q = m1 (m2 q + o2) + o1 are multiplied out."""
     by_name = {joint.name: joint for joint in connections}
@@ -274,12 +284,10 @@ def _followers(path: object, connections: Sequence[Connection]) -> dict[str, Mim
         if joint.mimic is None or joint.kind == "fixed":
             continue
         place = Place(path, f"joint {shown(joint.name)}")
-        seen = [joint.name]
+        if words := ring(joint.name, by_name):
+            raise place.error(f"it follows itself: {words}", "let one of them move on its own: remove its <mimic>")
         mimic = joint.mimic
         while True:
-            if mimic.joint in seen:
-                words = " -> ".join(shown(name) for name in [*seen, mimic.joint])
-                raise place.error(f"it follows itself: {words}", "let one of them move on its own: remove its <mimic>")
             leader = by_name.get(mimic.joint)
             if leader is None:
                 step = f"write the name of a joint of this file in <mimic>{nearest(mimic.joint, by_name)}"
@@ -289,7 +297,6 @@ def _followers(path: object, connections: Sequence[Connection]) -> dict[str, Mim
                 raise place.error(f"it follows {shown(mimic.joint)}, which is fixed", step)
             if leader.mimic is None:
                 break
-            seen.append(leader.name)
             further = leader.mimic
             mimic = Mimic(
                 further.joint, mimic.multiplier * further.multiplier, mimic.multiplier * further.offset + mimic.offset

@@ -184,6 +184,9 @@ class Geoms:
         else:
             size = self._size(values, kind)
             unit = (_shell if values.flag("shellinertia", False) else _solid)(values, kind, size)
+        if mass is not None and not (unit.mass and np.isfinite(mass / unit.mass)):
+            evidence = f"size {shown(values.text('size'))} is too small for its mass of {mass:g} kg"
+            raise values.place.error(evidence, f"write lengths in m, or {_WRITE}")
         scale = density if mass is None else mass / unit.mass
         return Inertia.from_vector(scale * unit.vector).moved(*self._pose(values, kind, frame))
 

@@ -15,7 +15,7 @@ from dynident.robot_files.mjcf.bodies import MjcfTree
 from dynident.robot_files.mjcf.defaults import ACTUATORS
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.scope import MjcfScope
-from dynident.robot_files.tree import Connection, with_held
+from dynident.robot_files.tree import Connection, ring, with_held
 from dynident.robot_files.xml_elements import Element
 from dynident.robot_files.xml_values import Values
 
@@ -161,14 +161,9 @@ def _tie(values: Values, joints: Mapping[str, Connection], joint: Connection, tr
 def _check_rings(ties: Mapping[str, Element], joints: Mapping[str, Connection]) -> None:
     """Refuse joints that follow each other in a ring: one of their equalities is redundant."""
     for start in ties:
-        seen, name = [start], start
-        while (mimic := joints[name].mimic) is not None:
-            name = mimic.joint
-            if name in seen:
-                words = " -> ".join(shown(each) for each in [*seen, name])
-                evidence = f"joints follow each other: {words}: redundant equalities"
-                raise ties[start].place.error(evidence, "remove one of them")
-            seen.append(name)
+        if words := ring(start, joints):
+            evidence = f"joints follow each other: {words}: redundant equalities"
+            raise ties[start].place.error(evidence, "remove one of them")
 
 
 def _note_tendon(document: MjcfDocument, values: Values, element: Element, tree: MjcfTree) -> None:
