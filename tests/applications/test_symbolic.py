@@ -177,11 +177,22 @@ def test_inspect_prints_them(arm: str, capsys: Capture) -> None:
     assert "Y[1, 4]" not in shown  # Iyy of the second link gives no torque of the first
     assert main(["inspect", arm, "--symbolic", "regressor", "--friction", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
-    assert set(data["symbolic"]) == {"base_parameters", "regressor"}
+    assert set(data["symbolic"]) == {"base_parameters", "regressor", "known_torque"}
     table = data["symbolic"]["regressor"]
     assert len(table) == 2 and len(table[0]) == len(data["base_parameters"]) and table[0][3] == "0"
     assert sympy.sympify(table[0][5]) == sympy.sympify("ddq1*cos(q2)**2 - dq1*dq2*sin(2*q2)")
     assert data["symbolic"]["base_parameters"][0] == "Ixx[fore] + Izz[upper] + 0.16*m[fore]"
+
+
+def test_inspect_prints_what_is_known(arm: str, capsys: Capture) -> None:
+    assert main(["inspect", arm, "--symbolic", "regressor"]) == 0
+    assert "of torque = Y beta;" in (shown := capsys.readouterr().out) and "known" not in shown
+    Path("arm.xml").write_text(
+        '<mujoco><worldbody><body><joint name="a" armature="0.1"/><geom size=".1"/></body></worldbody></mujoco>'
+    )
+    assert main(["inspect", "arm.xml", "--symbolic", "regressor"]) == 0
+    shown = capsys.readouterr().out
+    assert "of torque = Y beta + known;" in shown and shown.endswith("  a: 0.1*ddq1\n")
 
 
 def test_more_joints_are_refused(arm: str, capsys: Capture) -> None:

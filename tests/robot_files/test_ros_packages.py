@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from dynident.cli.main import main
 from dynident.errors import FileError
 from dynident.excitation.collision.robot_capsules import robot_capsules
 from dynident.excitation.collision.workspace import Workspace
@@ -93,6 +94,21 @@ def test_meshes_of_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     (folder / "meshes" / "a.stl").touch()
     (file.parent / "b.stl").touch()
     assert missing_meshes(robot, file) == []
+
+
+def test_meshes_that_only_show_a_link_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "arm.urdf"
+    shown = '<visual><geometry><mesh filename="package://look/v.stl"/></geometry></visual><collision>'
+    file.write_text(with_meshes("a.stl", "b.stl").replace("<collision>", shown, 1))
+    package(tmp_path / "look", "look")
+    assert main(["inspect", str(file)]) == 0
+    told = capsys.readouterr().out
+    assert "3 of 3 meshes are missing" in told and "  upper: package://look/v.stl (visual), no such file\n" in told
+    (tmp_path / "look" / "v.stl").touch()
+    assert [(m.file, m.is_visual) for m in missing_meshes(read_robot(file), file)] == [
+        ("a.stl", False),
+        ("b.stl", False),
+    ]
 
 
 def test_a_check_of_clearances_names_every_missing_mesh(tmp_path: Path) -> None:

@@ -336,13 +336,13 @@ def test_a_draft_names_the_arguments(workspace: Path) -> None:
 def test_missing_meshes_are_named_one_by_one(workspace: Path, capsys: Capture) -> None:
     assert main(["inspect", f"{FILE} length:=1"]) == 0
     shown = capsys.readouterr().out
-    assert "2 of 2 collision meshes are missing" in shown
+    assert "2 of 2 meshes are missing" in shown
     assert "  fore: package://arm_description/meshes/fore.stl, no such file" in shown.splitlines()
     (workspace / "src/arm_description/meshes").mkdir()
     (workspace / "src/arm_description/meshes/fore.stl").write_bytes(b"solid")
     assert main(["inspect", f"{FILE} length:=1"]) == 0
     shown = capsys.readouterr().out
-    assert "1 of 2 collision meshes are missing" in shown and "fore.stl" not in shown
+    assert "1 of 2 meshes are missing" in shown and "fore.stl" not in shown
     assert main(["inspect", f"{FILE} length:=1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["robot"] == "two"
 

@@ -147,6 +147,7 @@ def _texts(equations: SymbolicModel, chosen: list[str]) -> dict[str, Any]:
     if "regressor" in chosen:
         rows = equations.regressor.tolist()
         found["regressor"] = [list(map(equations.text, row)) for row in rows]
+        found["known_torque"] = list(map(equations.text, equations.known_torque))
     return found
 
 
@@ -162,11 +163,19 @@ def _show_equations(equations: SymbolicModel, chosen: list[str]) -> None:
         for name, text in zip(names, texts["gravity"], strict=True):
             console.answer(f"  {label(name)}: {text}")
     if "regressor" in chosen:
-        console.answer("\nregressor Y[joint, base parameter] of torque = Y beta; entries that are not there are zero:")
+        known = [(name, text) for name, text in zip(names, texts["known_torque"], strict=True) if text != "0"]
+        whole = "Y beta + known" if known else "Y beta"
+        console.answer(
+            f"\nregressor Y[joint, base parameter] of torque = {whole}; entries that are not there are zero:"
+        )
         for joint, row in enumerate(texts["regressor"], start=1):
             for column, text in enumerate(row, start=1):
                 if text != "0":
                     console.answer(f"  Y[{joint}, {column}] = {text}")
+        if known:
+            console.answer("\nknown torque, of rotor inertias and bias that the robot model states; else zero:")
+        for name, text in known:
+            console.answer(f"  {label(name)}: {text}")
     if equations.weak_terms:
         console.answer(
             f"\n{equations.weak_terms} terms of Y have a coefficient below 1e-4 of the largest of their entry. Where\n"
@@ -268,7 +277,7 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
 
 
 def _show_meshes(case: Case) -> None:
-    """Say where mesh files are missing: clearance checks need them, identification does not."""
+    """Say where mesh files are missing: clearance checks and the sizes of bodies need them."""
     from dynident.cli import console
     from dynident.results.text import label
     from dynident.robot_files.mesh_files import mesh_count, missing_meshes
@@ -278,12 +287,14 @@ def _show_meshes(case: Case) -> None:
     missing = missing_meshes(case.robot, split_arguments(case.robot_path)[0], folders)
     if missing:
         console.answer(
-            f"\n{len(missing)} of {mesh_count(case.robot)} collision meshes are missing, which clearance checks of\n"
-            "motions need; name their folders under workspace.mesh_folders, or in ROS_PACKAGE_PATH\n"
-            "(a package is a folder with a package.xml of that name):"
+            f"\n{len(missing)} of {mesh_count(case.robot)} meshes are missing. Clearance checks need what touches;\n"
+            "so do the sizes of bodies, of a link without one the visual ones. Name their\n"
+            "folders under workspace.mesh_folders, or in ROS_PACKAGE_PATH (a package is a folder with a\n"
+            "package.xml of that name):"
         )
         for mesh in missing:
-            console.answer(f"  {label(mesh.link)}: {label(mesh.file)}, {label(mesh.reason)}")
+            kind = " (visual)" if mesh.is_visual else ""
+            console.answer(f"  {label(mesh.link)}: {label(mesh.file)}{kind}, {label(mesh.reason)}")
 
 
 def _show_weak(base: BaseParameters) -> None:

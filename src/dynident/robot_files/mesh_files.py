@@ -45,7 +45,7 @@ def package_folders(robot: Robot, robot_file: str | Path) -> tuple[Path, ...]:
         robot_file: Its robot model, beside which packages are looked for first.
     """
     near = robot_file if os.path.isfile(robot_file) else None
-    names = {match[1] for _, mesh in _meshes(robot) if (match := _PACKAGE.match(mesh.file))}
+    names = {match[1] for _, mesh, _ in _meshes(robot) if (match := _PACKAGE.match(mesh.file))}
     found = (package_folder(name, near) for name in sorted(names))
     return tuple(folder for folder in found if folder is not None)
 
@@ -61,7 +61,7 @@ def mesh_places(robot: Robot, robot_path: str) -> tuple[Path, ...]:
     if not os.path.isfile(file):
         return package_folders(robot, file)
     folder = Path(file).parent
-    above = folders_above(folder, [mesh.file for _, mesh in _meshes(robot)])
+    above = folders_above(folder, [mesh.file for _, mesh, _ in _meshes(robot)])
     return (folder, *above, *package_folders(robot, file))
 
 
@@ -88,23 +88,26 @@ def missing_meshes(robot: Robot, robot_file: str | Path, folders: Sequence[str |
     """
     roots = [*mesh_places(robot, str(robot_file)), *map(Path, folders)]
     found: dict[tuple[str, str], MissingMesh] = {}
-    for link, mesh in _meshes(robot):
+    for link, mesh, is_visual in _meshes(robot):
         if (link, mesh.file) not in found and not _is_there(mesh, roots):
             package = _PACKAGE.match(mesh.file)
             is_known = package is None or package_folder(package[1], robot_file) is not None
             reason = "no such file" if is_known else f"no package {package[1] if package else ''} {places_searched()}"
-            found[link, mesh.file] = MissingMesh(link, mesh.file, reason)
+            found[link, mesh.file] = MissingMesh(link, mesh.file, reason, is_visual)
     return list(found.values())
 
 
 def mesh_count(robot: Robot) -> int:
     """Return how many mesh files a robot model names."""
-    return len({mesh.file for _, mesh in _meshes(robot)})
+    return len({mesh.file for _, mesh, _ in _meshes(robot)})
 
 
-def _meshes(robot: Robot) -> Iterator[tuple[str, Mesh]]:
-    for name, shapes in [(robot.base, robot.base_shapes), *((link.name, link.shapes) for link in robot.links)]:
-        yield from ((name, shape) for shape in shapes if isinstance(shape, Mesh))
+def _meshes(robot: Robot) -> Iterator[tuple[str, Mesh, bool]]:
+    """Yield link and mesh, and whether it only shows the link; those that touch come first."""
+    touching = [(robot.base, robot.base_shapes), *((link.name, link.shapes) for link in robot.links)]
+    for is_visual, each in ((False, touching), (True, [(link.name, link.visuals) for link in robot.links])):
+        for name, shapes in each:
+            yield from ((name, shape, is_visual) for shape in shapes if isinstance(shape, Mesh))
 
 
 def _is_there(mesh: Mesh, roots: Sequence[Path]) -> bool:

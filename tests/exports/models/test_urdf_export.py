@@ -190,6 +190,18 @@ def test_a_joint_locked_elsewhere_is_found_where_it_is(
     assert any("elbow at 1.9" in note and "grip at -0.02" in note for note in found.notes)
 
 
+def test_a_new_urdf_tells_of_another_gravity(
+    random_tree: Callable[..., Robot], exact_log: Callable[..., Log], tmp_path: Path
+) -> None:
+    for gravity, told in (((0, 0, -9.81), False), ((0, 0, -9.7), True)):
+        robot = random_tree(0).with_gravity(gravity)
+        notes = export_model(
+            estimate_of(robot, exact_log, estimator="wls", exact=True), "urdf", tmp_path / "n.urdf"
+        ).notes
+        line = "gravity is (0, 0, -9.7) m/s², which a URDF cannot say: set it where it is loaded"
+        assert (line in notes) == told == any("gravity" in note for note in notes)
+
+
 def test_a_new_urdf_gives_the_robot_back(
     random_tree: Callable[..., Robot], exact_log: Callable[..., Log], tmp_path: Path
 ) -> None:

@@ -26,7 +26,7 @@ from dynident.exports.models.writing.xml_edit import (
 )
 from dynident.exports.models.writing.xml_text import along, checked_names, number, numbers, roll_pitch_yaw, unused_name
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Joint, Robot
+from dynident.model.robot import STANDARD_GRAVITY, Joint, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from dynident.robot_files.formats.urdf import read_urdf_bodies
 from dynident.robot_files.tree import some
@@ -48,7 +48,17 @@ def written_urdf(subject: Identified, drives: Drives, lump: bool) -> tuple[bytes
         return found.data, ((source.note,) if source.note else ()) + found.notes
     other = "the robot model is no URDF: the URDF is new, without meshes"
     note = anew_note(subject.source, subject.estimate, "URDF") or (other,)
-    return new_urdf(subject, drives), (*note, *between_note(subject, "URDF"))
+    return new_urdf(subject, drives), (*note, *_gravity_note(subject), *between_note(subject, "URDF"))
+
+
+def _gravity_note(subject: Identified) -> list[str]:
+    """Return what is to be said where gravity is another than readers of a URDF take."""
+    gravity = subject.model.robot.gravity
+    if np.array_equal(gravity, STANDARD_GRAVITY):
+        return []
+    return [
+        f"gravity is ({', '.join(f'{g:g}' for g in gravity)}) m/s², which a URDF cannot say: set it where it is loaded"
+    ]
 
 
 def between_note(subject: Identified, noun: str) -> list[str]:
