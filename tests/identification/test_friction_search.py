@@ -335,3 +335,15 @@ def test_no_delay_is_found_where_friction_is_chosen_and_none_is_there(spatial_3r
     assert abs(chosen.choices.delays[0].seconds) < 5e-4
     errors = [validate(estimate, [test]).total_relative_error for estimate in (chosen, known)]
     assert errors[0] < 1.02 * errors[1]
+
+
+def test_rows_are_shared_by_logs_of_the_same_rows_alone(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """A delay and its opposite leave out as many rows, at the other end."""
+    model = DynamicModel(spatial_3r, (Viscous(),))
+    assert spatial_3r.nominal is not None
+    log = preprocess(exact_log(model, np.append(spatial_3r.nominal, np.ones(3))), replace(GIVEN, trim_s=0.0))
+    shared = column_pool.SharedRows([log])
+    later, earlier, again = (shared.under([replace(log, delay_s=d)]) for d in (0.05, -0.05, 0.052))
+    assert len(later[0].keep) == len(earlier[0].keep) < len(log.keep)
+    assert not np.array_equal(later[0].keep, earlier[0].keep) and np.array_equal(later[0].keep, again[0].keep)
+    assert shared.made(later) is shared.made(again) is not shared.made(earlier)

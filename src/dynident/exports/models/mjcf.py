@@ -210,7 +210,7 @@ def pose(rotation: Array, translation: Array) -> str:
 
 
 def joint_line(joint: Joint, anchor: Array, values: Sequence[float]) -> str:
-    """Return the element of a joint with armature, damping, dry friction; a range where both ends are known."""
+    """Return the element of a joint with armature, damping and friction loss; a range where both ends are known."""
     kind = "hinge" if joint.kind == "revolute" else "slide"
     lower, upper = joint.limits.lower, joint.limits.upper
     bound = f' range="{number(lower)} {number(upper)}"' if np.isfinite([lower, upper]).all() and lower < upper else ""

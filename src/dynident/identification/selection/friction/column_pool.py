@@ -298,7 +298,7 @@ class SharedRows:
 
     def __init__(self, plain: Sequence[Prepared]) -> None:
         self._plain = [log.sparser(ROWS) for log in plain]
-        self._made: dict[tuple[int, ...], dict[Friction, list[FrictionRows]]] = {}
+        self._made: dict[tuple[tuple[int, int], ...], dict[Friction, list[FrictionRows]]] = {}
         self._load: Array | None = None
 
     def under(self, logs: Sequence[Prepared]) -> list[Prepared]:
@@ -314,7 +314,8 @@ class SharedRows:
 
     def made(self, logs: Sequence[Prepared]) -> dict[Friction, list[FrictionRows]]:
         """Return the rows of friction parts that choices have left for logs under their delays."""
-        return self._made.setdefault(tuple(len(log.keep) for log in logs), {})
+        ends = tuple((int(log.keep[0]), int(log.keep[-1])) for log in logs)  # a delay leaves rows out at one of them
+        return self._made.setdefault(ends, {})
 
 
 def _labelled(robot: Robot, parts: Sequence[Friction]) -> DynamicModel:
