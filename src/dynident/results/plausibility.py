@@ -52,11 +52,7 @@ def range_end(value: float | None) -> str:
 
 def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
     """Return which nominal inertias are missing, impossible or no bodies of their link's size, and what is taken."""
-    lines, defects, light = (
-        [],
-        consistency_defects(robot.links),
-        weightless({link.name: link.inertia for link in robot.links}),
-    )
+    lines, defects, light = [], consistency_defects(robot.links), _weightless(robot)
     if names := ", ".join(label(name) for name in facts.uniform if name not in defects):
         lines.append(f"no inertia of {names} in the robot model: a uniform body is the reference; state it there")
     if names := "; ".join(f"{label(name)}, {defects[name]}" for name in facts.uniform if name in defects):
@@ -108,9 +104,13 @@ def mesh_lines(faults: Sequence[Mapping[str, str]]) -> list[str]:
     return [f"size of {names} from frames, not from meshes ({label(first['evidence'])}); {first['remedy']}"]
 
 
+def _weightless(robot: Robot) -> set[str]:
+    return weightless({link.name: link.inertia for link in robot.links})
+
+
 def links_without_size(robot: Robot) -> list[str]:
     """Return the links of a mass without shapes, children and named frames away from their own frame."""
-    found, light = [], weightless({link.name: link.inertia for link in robot.links})
+    found, light = [], _weightless(robot)
     for i, link in enumerate(robot.links):
         places = [joint.translation for joint in robot.joints if joint.parent == i]
         places += [frame.translation for frame in robot.frames.values() if frame.link == i]
