@@ -45,6 +45,11 @@ class File:
         """The parsed source."""
         return ast.parse(self.text)
 
+    @cached_property
+    def nodes(self) -> list[ast.AST]:
+        """All nodes of the parsed source: walking them takes longer than parsing."""
+        return list(ast.walk(self.tree))
+
     @property
     def lines(self) -> int:
         """Number of lines."""
@@ -58,7 +63,7 @@ class File:
 
     def functions(self) -> Iterator[Function]:
         """Yield all functions and methods."""
-        yield from (node for node in ast.walk(self.tree) if isinstance(node, Function))
+        yield from (node for node in self.nodes if isinstance(node, Function))
 
 
 def parameters(function: Function) -> int:
@@ -77,7 +82,7 @@ def branches(function: Function) -> int:
 def families(files: Sequence[File]) -> set[Path]:
     """Return the folders of parts: those that a ``Family("package", ...)`` names."""
     folders = set()
-    for node in (node for file in files for node in ast.walk(file.tree) if isinstance(node, ast.Call)):
+    for node in (node for file in files for node in file.nodes if isinstance(node, ast.Call)):
         named = node.func.value if isinstance(node.func, ast.Subscript) else node.func
         first = node.args[0] if node.args else None
         if isinstance(named, ast.Name) and named.id == "Family" and isinstance(first, ast.Constant):
@@ -89,11 +94,11 @@ def imported(file: File, package: str, typing: bool) -> Iterator[tuple[str, ...]
     """Yield the dotted names, without the package's, that a file imports from the package, anywhere in it."""
     skipped: set[ast.AST] = set()
     if not typing:
-        for node in ast.walk(file.tree):
+        for node in file.nodes:
             if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
                 skipped.update(inner for one in node.body for inner in ast.walk(one))
     here = (package, *file.path.with_suffix("").parts)
-    for node in ast.walk(file.tree):
+    for node in file.nodes:
         if node in skipped:
             continue
         if isinstance(node, ast.Import):
@@ -164,7 +169,7 @@ def figures(source: Path, typing: bool = False) -> dict[str, Any]:
             rooms["/".join(file.room)] += file.lines
         for bound, place in _beyond(file, folders):
             names[bound].append(place)
-        for node in ast.walk(file.tree):
+        for node in file.nodes:
             if isinstance(node, ast.ClassDef):
                 classes[node.name].append(f"{file.path.as_posix()}:{node.lineno}")
     graph = arrows(files, source.name, typing)
@@ -172,7 +177,7 @@ def figures(source: Path, typing: bool = False) -> dict[str, Any]:
     widths = [len(line) for file in files for line in file.text.splitlines()]
     return {
         "lines": sum(file.lines for file in files),
-        "statements": sum(isinstance(node, ast.stmt) for file in files for node in ast.walk(file.tree)),
+        "statements": sum(isinstance(node, ast.stmt) for file in files for node in file.nodes),
         "files": len(files),
         "mean line length": round(sum(widths) / max(1, len(widths)), 2),
         f"files under {SMALL} lines": sum(file.lines < SMALL for file in files),
