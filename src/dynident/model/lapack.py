@@ -84,9 +84,17 @@ def _upper(rows: int, columns: int) -> Array:
 def solve_positive(matrix: Array, right: Array) -> Array | None:
     """Return X of A X = B by Cholesky's factor of A (k, k); None where A is not positive (LAPACK's ``dposv``)."""
     own, found = np.array(matrix, dtype=np.float64, order="F"), np.array(right, dtype=np.float64, order="F")
-    if found.size and _run("dposv", b"U", len(own), _many(found), own, len(own), found, len(own)):
+    if found.size and _run("dposv", b"U", len(own), found.size // len(own), own, len(own), found, len(own)):
         return None
     return found
+
+
+def inverse_positive(matrix: Array) -> Array:
+    """Return the inverse of A (k, k), by Cholesky's factor where A is positive (LAPACK's ``dpotri``)."""
+    own = cholesky(matrix)
+    if own is None or (own.size and _run("dpotri", b"U", len(own), own, len(own))):
+        return np.linalg.inv(matrix)
+    return own + np.triu(own, 1).T
 
 
 def solve_upper(factor: Array, right: Array, transposed: bool = False) -> Array:
@@ -100,7 +108,7 @@ def solve_upper(factor: Array, right: Array, transposed: bool = False) -> Array:
         raise ValueError(f"R of shape {factor.shape} does not fit a right side of {right.shape}")
     own, found = np.asarray(factor, dtype=np.float64, order="F"), np.array(right, dtype=np.float64, order="F")
     way = b"T" if transposed else b"N"
-    if found.size and _run("dtrtrs", b"U", way, b"N", len(own), _many(found), own, len(own), found, len(own)):
+    if found.size and _run("dtrtrs", b"U", way, b"N", len(own), found.size // len(own), own, len(own), found, len(own)):
         raise np.linalg.LinAlgError("R has a zero on its diagonal")
     return found
 
@@ -110,10 +118,6 @@ def times_upper(factor: Array, right: Array) -> None:
     own, scale = np.asarray(factor, dtype=np.float64, order="F"), np.ones(1)
     size, many = right.shape
     _run("dtrmm", b"L", b"U", b"N", b"N", size, many, scale, own, size, right, size, has_state=False)
-
-
-def _many(right: Array) -> int:
-    return 1 if right.ndim == 1 else right.shape[1]
 
 
 def _run(name: str, *given: int | bytes | Array, has_state: bool = True) -> int:

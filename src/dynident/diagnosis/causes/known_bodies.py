@@ -26,6 +26,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.residuals.quantiles import chi_square_tail
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.lapack import inverse_positive
 from dynident.model.robot import Robot
 
 #: A map of base parameters whose rest is below this share of it is the same.
@@ -57,7 +58,8 @@ class KnownBodies:
 
     Attributes:
         places: Positions in beta, shape (s,).
-        factor: Root of the information, shape (s, s).
+        factor: Combinations of the bodies whose errors are independent of each other, shape (s, s); an estimate knows
+            each with a standard deviation of 1.
         values: The mean, shape (s,).
     """
 
@@ -70,23 +72,19 @@ class KnownBodies:
         squares = float(np.sum((self.factor @ (beta[self.places] - self.values)) ** 2))
         return bool(chi_square_tail(squares, len(self.places)) > CONTRADICTS)
 
-    @cached_property
-    def _information(self) -> Array:
-        return self.factor.T @ self.factor
+    def variances(self, shares: Array) -> Array:
+        """Return the variances of the combinations, shape (s,); ``shares`` are those of :class:`NominalBodies`."""
+        return np.ones(len(self.places))
 
-    def information(self, shares: Array) -> Array:
-        """Return the inverse of the covariance, shape (s, s); ``shares`` are those of :class:`NominalBodies`."""
-        return self._information
-
-    def likelier(self, shares: Array, information: Array, off: Array, left: Array) -> Array:
+    def likelier(self, shares: Array, variances: Array, off: Array, left: Array) -> Array:
         """Return standard deviations that explain a fit better; those of an estimate are stated."""
         return shares
 
-    def surprise(self, information: Array, off: Array, fitted: float) -> float:
-        """Return twice the fall of the log-likelihood by ``off`` (s,), the bodies less what is known of them."""
-        return float(off @ information @ off)
+    def surprise(self, variances: Array, off: Array, fitted: float) -> float:
+        """Return twice the fall of the log-likelihood by ``off`` (s,), the combinations less what is known of them."""
+        return float(off @ (off / variances))
 
-    def freedom(self, information: Array, left: Array) -> float:
+    def freedom(self, variances: Array, left: Array) -> float:
         """Return how many errors of the bodies the torques tell, from which their deviations were found."""
         return np.inf
 
@@ -97,48 +95,38 @@ class NominalBodies(KnownBodies):
 
     Attributes:
         places: Positions in beta, shape (s,).
-        factor: Root of the diagonal of the information for relative errors of one, shape (s, s).
+        factor: Combinations of the bodies whose errors are independent of each other, shape (s, s): those of the single
+            parameters and those that all ten parameters of a link have in common alike.
         values: The mean, shape (s,).
-        whole: What all ten parameters of a link are, by link, shape (s, l).
-        single: Covariance for relative errors of one of the single parameters, shape (s, s).
+        common: Variance of the combinations for relative errors of one that links have in common, shape (s,); that for
+            relative errors of one of the single parameters is 1.
     """
 
-    whole: Array
-    single: Array
+    common: Array
 
-    def information(self, shares: Array) -> Array:
-        common, single, scales = self._scaled
-        covariance = shares[0] ** 2 * common + shares[1] ** 2 * single
-        covariance.flat[:: len(covariance) + 1] *= 1.0 + SMALLEST**2
-        return np.linalg.inv(covariance) * scales
+    def variances(self, shares: Array) -> Array:
+        return shares[0] ** 2 * self.common + shares[1] ** 2
 
-    @cached_property
-    def _scaled(self) -> tuple[Array, Array, Array]:
-        """Covariances for relative errors of one, of links and of single parameters, in ``scales``, and these."""
-        scales = np.outer(np.diag(self.factor), np.diag(self.factor))
-        return self.whole @ self.whole.T * scales, self.single * scales, scales
-
-    def likelier(self, shares: Array, information: Array, off: Array, left: Array) -> Array:
+    def likelier(self, shares: Array, variances: Array, off: Array, left: Array) -> Array:
         """Return a step to the largest marginal likelihood (MacKay 1992, by components of the variance).
 
         Args:
             shares: Standard deviations of the common and of the single errors.
-            information: Of the bodies with these, shape (s, s).
-            off: The fitted bodies less the nominal ones, shape (s,).
-            left: Their covariance after the fit, shape (s, s).
+            variances: Of the combinations with these, shape (s,).
+            off: The fitted combinations less the nominal ones, shape (s,).
+            left: Their variances after the fit, shape (s,).
         """
-        pull, told = information @ off, information - information @ left @ information
-        squares = np.array([np.sum((self.whole.T @ pull) ** 2), pull @ self.single @ pull])
-        counts = np.array([np.sum((told @ self.whole) * self.whole), np.sum(told * self.single)])
+        parts = np.stack([self.common, np.ones(len(left))])
+        squares, counts = parts @ (off / variances) ** 2, parts @ ((1.0 - left / variances) / variances)
         return np.maximum(shares * np.sqrt(squares / np.maximum(counts, 1e-300)), LEAST)
 
-    def surprise(self, information: Array, off: Array, fitted: float) -> float:
+    def surprise(self, variances: Array, off: Array, fitted: float) -> float:
         """Return the same for the marginal likelihood; ``fitted`` is the log determinant of all that was fitted."""
-        return float(off @ information @ off + fitted - np.linalg.slogdet(information)[1])
+        return float(off @ (off / variances) + fitted + np.log(variances).sum())
 
-    def freedom(self, information: Array, left: Array) -> float:
-        """Return the effective number of parameters (MacKay 1992); ``left`` is their covariance after the fit."""
-        return max(len(information) - float(np.sum(information * left)), 1.0)
+    def freedom(self, variances: Array, left: Array) -> float:
+        """Return the effective number of parameters (MacKay 1992); ``left`` are variances after the fit, shape (s,)."""
+        return max(len(left) - float(np.sum(left / variances)), 1.0)
 
 
 def known_bodies(estimate: Estimate, model: DynamicModel, base: BaseParameters) -> KnownBodies | None:
@@ -206,8 +194,11 @@ def nominal_bodies(model: DynamicModel, base: BaseParameters, robot: Robot, roto
     mixing = base.matrix[places]
     whole = np.stack([mixing[:, TEN * i : TEN * (i + 1)] @ body for i, body in enumerate(bodies)], axis=1)
     single = (mixing[:, :count] * errors**2) @ mixing[:, :count].T
-    factor = np.diag(1.0 / np.sqrt(np.diag(single) + np.sum(whole**2, axis=1)))
-    return NominalBodies(places, factor, mixing @ with_rotors(theta, model, robot), whole, single)
+    root = _root_of_inverse(single)
+    directions, sizes, _ = np.linalg.svd(root @ whole)
+    common = np.zeros(len(places))
+    common[: len(sizes)] = sizes**2
+    return NominalBodies(places, directions.T @ root, mixing @ with_rotors(theta, model, robot), common)
 
 
 def _root_of_inverse(covariance: Array) -> Array:
@@ -232,7 +223,10 @@ def _rotors(robot: Robot) -> dict[str, float]:
 
 
 class Anchored(CauseSearch):
-    """A search in which some columns have a prior; rows count as often as they are independent in the plain fit."""
+    """A search in which some columns have a prior; rows count as often as they are independent in the plain fit.
+
+    In the products of columns those of the bodies are those of their independent combinations.
+    """
 
     def __init__(self, rows: CauseRows, causes: Sequence[Cause], known: KnownBodies, factors: Array) -> None:
         kept = np.bincount(np.concatenate(rows.columns), minlength=rows.size) > 1
@@ -240,6 +234,10 @@ class Anchored(CauseSearch):
         super().__init__(rows, causes, kept)
         self._taken = np.array([len(own) - kept[own].sum() for own in rows.columns])
         self._known, self._factors = replace(known, places=np.cumsum(kept)[known.places] - 1), factors
+        self._mean = known.factor @ known.values
+        columns, mixing = self.columns, np.linalg.inv(known.factor)
+        self.columns = replace(columns, grams=columns.grams.copy(), sides=columns.sides.copy())
+        _turn(self.columns.grams, self.columns.sides, self._known.places, mixing)
         self._found = dict[tuple[int, ...], tuple[Array, Array, Array]]()  # where the fit with one cause more begins
 
     def fitted(self, chosen: Sequence[int]) -> Solved:
@@ -265,47 +263,52 @@ class Anchored(CauseSearch):
             load: Where a load at the flange begins, if it is the last of them.
         """
         products, slot = self.products(chosen), self._load(chosen)
-        known, held = self._known, np.ix_(self._known.places, self._known.places)
+        known, held = self._known, self._known.places
         counts, squares, floors = self.rows.counts, self.columns.squares, self.floors
         start = (self.columns.whole / counts + floors, np.full(2, FIRST), load)
         is_load = bool(chosen) and self.causes[chosen[-1]].hidden > 0  # which the bodies have taken in before: afresh
         variances, shares, load = start if is_load else self._found.get(tuple(chosen[:-1]), start)
-        beta = off = weights = np.zeros(0)
-        information = prior = inverse = turn = np.zeros((0, 0))
-        own = 1.0
+        beta = off = weights = prior = sizes = left = np.zeros(0)
+        scaled = inverse = turn = np.zeros((0, 0))
+        own, free = 1.0, np.setdiff1d(np.arange(len(products[1][0])), held)
         for _ in range(SEARCHED if slot is not None or isinstance(known, NominalBodies) else PASSES):
             before = np.concatenate([variances, shares])
-            turn, own = carried(load), own_inertia(load) ** 2
-            grams, sides = products if slot is None else _turned(*products, slot, turn)
-            weights = 1.0 / (variances * self._factors)
+            grams, sides = products
+            if slot is not None:
+                turn, own = carried(load), own_inertia(load) ** 2
+                grams, sides = grams.copy(), sides.copy()
+                _turn(grams, sides, slot, turn)
+            weights, prior = 1.0 / (variances * self._factors), known.variances(shares)
             gram = (weights @ grams.reshape(len(grams), -1)).reshape(grams.shape[1:])
-            side, prior = weights @ sides, known.information(shares)
-            gram[held] += prior
-            side[known.places] += prior @ known.values
+            side = weights @ sides
+            gram[held, held] += 1.0 / prior
+            side[held] += self._mean / prior
             if slot is not None:
                 gram[slot[TOLD:], slot[TOLD:]] += 1.0 / own
             sizes = np.sqrt(np.maximum(np.diag(gram), 0.0))
-            sizes = np.where(sizes > 0, sizes, 1.0)
-            information = gram + RIDGE * np.diag(sizes**2)
-            inverse = np.linalg.inv(information / np.outer(sizes, sizes)) / np.outer(sizes, sizes)
-            beta = inverse @ side
-            left = squares - 2 * sides @ beta + (grams @ beta) @ beta
-            variances = np.maximum(left, 0.0) / counts + floors
-            off = beta[known.places] - known.values
-            shares = known.likelier(shares, prior, off, inverse[held])
+            sizes[sizes == 0.0] = 1.0
+            scaled = gram / sizes / sizes[:, None]
+            scaled[free, free] += RIDGE
+            inverse = inverse_positive(scaled)
+            beta = (inverse @ (side / sizes)) / sizes
+            variances = np.maximum(squares - 2 * sides @ beta + (grams @ beta) @ beta, 0.0) / counts + floors
+            off, left = beta[held] - self._mean, np.diag(inverse)[held] / sizes[held] ** 2
+            shares = known.likelier(shares, prior, off, left)
             moved = np.zeros(0) if slot is None else beta[slot] - load
             if np.all(np.abs(np.log(np.concatenate([variances, shares]) / before)) < SETTLED) and np.all(
                 np.abs(moved[:TOLD]) < SETTLED * np.abs(load[:TOLD]).max(initial=0.0)
             ):
                 break
             load = load if slot is None else load + (HALF if load.any() else 1.0) * moved
+        information = scaled * sizes * sizes[:, None]
         fitted = np.linalg.slogdet(information[: self.size, : self.size])[1] + self._taken @ np.log(weights)
         surprise = known.surprise(prior, off, float(fitted))
         if slot is not None:
             surprise += float(beta[slot[TOLD:]] @ beta[slot[TOLD:]]) / own
             beta[slot] = turn @ beta[slot]
-        share = _share_of_bodies(information, inverse, known.places, self._slot(chosen, -1)[: self._told(chosen)])
-        freedom = known.freedom(prior, inverse[held]) / share**2
+        told = self._slot(chosen, -1)[: self._told(chosen)]
+        share = _share_of_bodies(information, np.diag(inverse) / sizes**2, free, told)
+        freedom = known.freedom(prior, left) / share**2
         solved = Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise, freedom)
         return solved, (variances, shares, load)
 
@@ -333,25 +336,22 @@ class Anchored(CauseSearch):
         return [k for k in range(len(self.causes)) if k not in chosen]  # errors of the bodies may hide any of them
 
 
-def _turned(grams: Array, sides: Array, slot: IntArray, turn: Array) -> tuple[Array, Array]:
-    """Return products (n, k, k) and (n, k) with the columns ``slot`` replaced by mixtures of them, ``turn``."""
-    grams, sides = grams.copy(), sides.copy()
+def _turn(grams: Array, sides: Array, slot: IntArray, turn: Array) -> None:
+    """Replace the columns ``slot`` of products (n, k, k) and (n, k) by mixtures of them, ``turn``, in place."""
     grams[:, :, slot] = grams[:, :, slot] @ turn
     grams[:, slot] = turn.T @ grams[:, slot]
     sides[:, slot] = sides[:, slot] @ turn
-    return grams, sides
 
 
-def _share_of_bodies(information: Array, inverse: Array, places: IntArray, told: IntArray) -> float:
-    """Return the share of the variance of coefficients that is from errors of the bodies, above 0, 1 for none of them.
+def _share_of_bodies(information: Array, variances: Array, rest: IntArray, told: IntArray) -> float:
+    """Return the share of the variances (k,) of coefficients that is from errors of the bodies, above 0, 1 for none.
 
     Where it is small the rows make the interval, and these are many (Satterthwaite 1946).
     """
-    rest = np.setdiff1d(np.arange(len(information)), places)
     if not len(told):
         return 1.0
     certain = np.diag(np.linalg.pinv(information[np.ix_(rest, rest)], hermitian=True))[np.searchsorted(rest, told)]
-    return float(np.clip(np.mean(1.0 - certain / np.diag(inverse)[told]), 1e-6, 1.0))
+    return float(np.clip(np.mean(1.0 - certain / variances[told]), 1e-6, 1.0))
 
 
 class AgainstBodies:

@@ -163,3 +163,6 @@ _TEXTS: dict[str, Callable[[Blame, QuickFit], tuple[str, str]]] = {
     "torque scale": _torque_scale,
     "tilt": _tilt,
 }
+
+#: Names of the findings.
+TRENDS = tuple(_TEXTS)

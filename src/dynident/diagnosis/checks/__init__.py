@@ -90,14 +90,22 @@ def examine_recording(case: Case, recording: Recording, earlier: Estimate | None
     left_out = ""
     checks = [CHECKS.make(name) for name in CHECKS.names()]
     for stage in _STAGES:
-        for check in checks:
-            if check.stage == stage:
-                found += check.findings(subject)
+        found += _of_stage([check for check in checks if check.stage == stage], subject, found)
         lasting = [each.name for each in found if each.severity == "error" and each.name not in _MENDABLE]
         if lasting and stage < _STAGES[-1]:
             left_out = f"checks that need sound {'signals' if stage == 0 else 'units'} were left out: fix {lasting[0]}"
             break
     return Examination(recording.log.name, ordered(found), left_out, repaired)
+
+
+def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Finding]) -> list[Finding]:
+    """Return the findings of some checks in their order; one is left out where others explain all that it can tell."""
+    told: dict[int, Sequence[Finding]] = {}
+    for k in sorted(range(len(checks)), key=lambda k: bool(checks[k].tells)):
+        explained = {name for each in (before, *told.values()) for finding in each for name in finding.explains}
+        names = set(checks[k].tells)
+        told[k] = () if names and names <= explained else checks[k].findings(subject)
+    return [finding for k in sorted(told) for finding in told[k]]
 
 
 def ordered(found: Sequence[Finding]) -> tuple[Finding, ...]:

@@ -87,9 +87,12 @@ class Check(ABC):
     Attributes:
         stage: 0 looks at the raw file, 1 at the repaired signals, 2 at a quick fit. A stage is left out after an error
             in an earlier one that no repair removes.
+        tells: Names of all its findings, where an error of another check of its stage may explain them; such a check is
+            left out then.
     """
 
     stage: ClassVar[int] = 1
+    tells: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:

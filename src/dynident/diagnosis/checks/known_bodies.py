@@ -11,7 +11,7 @@ import numpy as np
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import AgainstBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.quick_fit import asks_inertia
-from dynident.diagnosis.causes.trend_findings import Z95, believed, trend_finding
+from dynident.diagnosis.causes.trend_findings import TRENDS, Z95, believed, trend_finding
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
 
@@ -28,6 +28,7 @@ class KnownBodiesCheck(Check):
     """Load at the flange, counterbalance, spring, scale or tilt, against the robot model and an earlier estimate."""
 
     stage: ClassVar[int] = 2
+    tells: ClassVar[tuple[str, ...]] = (*TRENDS, "load at the flange")
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         trends, earlier = subject.trends, subject.known

@@ -21,6 +21,7 @@ class LinkConsistency(Check):
     """
 
     stage: ClassVar[int] = 2
+    tells: ClassVar[tuple[str, ...]] = ("inconsistent links",)
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         found = None if subject.fit is None else inconsistency(subject.fit)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dynident.diagnosis.causes.quick_fit import beyond_quick_fit
-from dynident.diagnosis.causes.trend_findings import believed, rival_findings, trend_finding
+from dynident.diagnosis.causes.trend_findings import TRENDS, believed, rival_findings, trend_finding
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
 
@@ -17,6 +17,7 @@ class ResidualTrends(Check):
     """Springs, counterbalances, drift, friction drift, sub-linear friction, tilt, time scale, torque scales."""
 
     stage: ClassVar[int] = 2
+    tells: ClassVar[tuple[str, ...]] = TRENDS
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         trends = subject.trends

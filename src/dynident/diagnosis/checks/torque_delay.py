@@ -20,6 +20,7 @@ class TorqueDelay(Check):
     """Time delay between torque and position signals, to a fraction of a sample."""
 
     stage: ClassVar[int] = 2
+    tells: ClassVar[tuple[str, ...]] = ("torque delay",)
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         fit, delay, stated = subject.fit, subject.delay, subject.case.preprocessing.delay_s
