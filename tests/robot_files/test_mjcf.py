@@ -198,22 +198,6 @@ def test_includes_stand_where_they_are_included(tmp_path: Path) -> None:
     assert_as_mujoco(found, path)
 
 
-@pytest.mark.parametrize("whole", [False, True])
-def test_models_are_attached_with_their_own_settings(tmp_path: Path, whole: bool) -> None:
-    (tmp_path / "hand.xml").write_text(
-        '<mujoco model="hand"><compiler angle="radian"/><default><joint armature=".1"/></default><worldbody>'
-        f'<body name="palm" pos="1 2 3"><joint name="p" ref=".4"/>{BODY}</body></worldbody></mujoco>'
-    )
-    head = '<asset><model name="hand" file="hand.xml"/></asset>'
-    what = "" if whole else 'body="palm"'
-    text = arm(
-        HINGE + BODY + f'<frame pos="0 0 1" euler="0 30 0"><attach model="hand" {what} prefix="h_"/></frame>', head
-    )
-    found, path = robot(text, tmp_path)
-    assert "h_p" in found.joint_names
-    assert_as_mujoco(found, path)
-
-
 GRIPPER = f"""<mujoco model="hand"><compiler angle="radian"/>
 <default><motor armature=".3"/></default><worldbody>
 <body name="palm" pos=".1 .2 .3"><joint name="p" axis="0 1 0"/>{BODY}
@@ -246,14 +230,6 @@ def test_actuators_and_equalities_come_with_attached_models(tmp_path: Path, atta
     assert follower.mimic is not None and follower.mimic.joint == leader
     assert joints[leader.replace("_l", "_p")].limits.effort == 18.0
     assert [name for name in joints if name.startswith("h_s")] == (["h_s"] if "body" not in attached else [])
-
-
-def test_a_muscle_of_an_attached_model_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "hand.xml").write_text(GRIPPER.replace('<motor joint="s"/>', '<muscle joint="p"/>'))
-    head = '<asset><model name="hand" file="hand.xml"/></asset>'
-    text = arm(HINGE + BODY + '<attach model="hand" body="palm" prefix="h_"/>', head)
-    with pytest.raises(DescriptionError, match=r"hand.xml: line \d+, <muscle>: a muscle is not read"):
-        robot(text, tmp_path)
 
 
 def _stl(path: Path, seed: int, count: int = 40) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 from xml.parsers import expat
@@ -52,6 +52,12 @@ class Element:
     def all(self, tag: str) -> list[Element]:
         """Return the children of one name."""
         return [child for child in self.children if child.tag == tag]
+
+    def below(self) -> Iterator[Element]:
+        """Yield the elements in it, however deep, in the order of the file."""
+        for child in self.children:
+            yield child
+            yield from child.below()
 
 
 @dataclass(frozen=True)

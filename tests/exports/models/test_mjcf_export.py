@@ -151,7 +151,7 @@ def test_changed_includes_get_names_of_their_own(place: str, tmp_path: Path) -> 
     assert files[folder / "out.xml"].count(b"armature") == path.read_bytes().count(b"armature")
     assert b'<include file="out-whole.xml"/>' in files[folder / "out.xml"]
     assert f'<include file="{copied[0] if copied else "tip.xml"}"/>'.encode() in files[folder / "out.xml"]
-    what = "includes are copied to" if copied else "what changed in includes is in"
+    what = "other files are copied to" if copied else "what changed in other files is in"
     assert f"your own files stay as they are: {what} out-whole.xml" in " ".join(patched.notes)
     assert not any(before.get(file) for file in files)
 
@@ -198,15 +198,16 @@ def test_a_file_in_another_folder_loads_there(place: str, tmp_path: Path, exact_
     assert read_robot(tmp_path / place / "out.xml").dof == 3
 
 
-def test_attached_models_are_not_found_from_another_folder(tmp_path: Path) -> None:
+def test_a_model_that_is_not_attached_is_found_from_another_folder(tmp_path: Path) -> None:
     (tmp_path / "new").mkdir()
     path = given(
         tmp_path, MJCF.replace("  <actuator>", '  <asset><model name="m" file="m.xml"/></asset>\n  <actuator>')
     )
     (tmp_path / "m.xml").write_text("<mujoco><worldbody/></mujoco>")
-    with pytest.raises(DescriptionError, match=r"<model>: attached models are found from .*; write the output there"):
-        reloaded(path, tmp_path / "new")
-    reloaded(path, tmp_path)
+    _, files = reloaded(path, tmp_path / "new")
+    assert b'file="../m.xml"' in files[tmp_path / "new" / "out.xml"]
+    _, files = reloaded(path, tmp_path)
+    assert b'file="m.xml"' in files[tmp_path / "out.xml"]
 
 
 @pytest.mark.parametrize("flag", ["damper", "frictionloss", "constraint"])
@@ -257,10 +258,10 @@ def test_no_file_of_the_robot_model_is_overwritten(tmp_path: Path, exact_log: Ca
 
 
 def test_a_replica_has_no_place_of_its_own(tmp_path: Path) -> None:
-    text = MJCF.replace('    <body name="upper"', '    <replicate count="1">\n    <body name="upper"')
+    text = MJCF.replace('    <body name="upper"', '    <replicate count="2">\n    <body name="upper"')
     text = text.replace("  </worldbody>", "    </replicate>\n  </worldbody>")
     path = given(tmp_path, text[: text.index("  <actuator>")] + "</mujoco>")
-    with pytest.raises(DescriptionError, match="body 'upper0': it comes from an attached model or a replica"):
+    with pytest.raises(DescriptionError, match="body 'upper0': its element stands for 2, by a replica"):
         reloaded(path, tmp_path)
 
 

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import DescriptionError, nearest
+from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, JointLimits, rotation_about
 from dynident.model.shapes import Shape
 from dynident.robot_files.mjcf.body_inertia import inertia_of_body, stated_body
-from dynident.robot_files.mjcf.document import MjcfDocument
+from dynident.robot_files.mjcf.document import CompilerSettings, MjcfDocument
+from dynident.robot_files.mjcf.expansion import Expansion, Placed
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed, pose_of
-from dynident.robot_files.mjcf.scope import MjcfScope, submodel
+from dynident.robot_files.mjcf.scope import MjcfScope
 from dynident.robot_files.tree import Connection, between_joints, numbered
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
 from dynident.robot_files.xml_values import Values
@@ -30,10 +31,6 @@ FLOATING: Final = "the motion of floating bases, which are held still"
 _FLEXIBLE: Final = {"composite": "a flexible body", "flexcomp": "a flexible body"}
 
 
-#: An element, where it stands in its body, and what holds for it.
-_Placed = tuple[Element, Pose, MjcfScope]
-
-
 @dataclass(frozen=True)
 class JointSource:
     """A joint and where it is written.
@@ -42,13 +39,11 @@ class JointSource:
         element: Its element.
         armature: Rotor inertia that counts, in kg m^2 or kg.
         ref: Position at which the bodies are placed as written, in rad or m.
-        is_own: Whether nothing else comes from the same element.
     """
 
     element: Element
     armature: float
     ref: float
-    is_own: bool
 
 
 @dataclass(frozen=True)
@@ -58,12 +53,12 @@ class BodySource:
     Attributes:
         element: Its element.
         origin: Origin of the body's own frame in the frame of its link, shape (3,), in m.
-        is_own: Whether nothing else comes from the same element.
+        compiler: What holds for its inertia.
     """
 
     element: Element
     origin: Array
-    is_own: bool
+    compiler: CompilerSettings
 
 
 @dataclass(frozen=True)
@@ -134,71 +129,19 @@ class _TreeReader:
     """Walks through the world from the top."""
 
     def __init__(self, document: MjcfDocument) -> None:
-        self.tree = MjcfTree(scopes=[MjcfScope.of(document)])
+        self._expansion = Expansion(document)
+        self.tree = MjcfTree()
         self._moving = 0
         self._loose: list[DescriptionError] = []
         self._given = {
-            one.attributes.get("name", "") for world in document.sections["worldbody"] for one in _below(world)
+            one.attributes.get("name", "") for world in document.sections["worldbody"] for one in world.below()
         }
-        carrier = _Carrier(WORLD, np.zeros(3))
-        for world in document.sections["worldbody"]:
-            self._inside(list(self._flat(world, IDENTITY, self.tree.scopes[0])), carrier)
+        self._inside(self._expansion.world(), _Carrier(WORLD, np.zeros(3)))
+        self.tree.scopes.extend(self._expansion.scopes)
         if self._loose and not self.tree.joints:
             raise self._loose[0]
 
-    def _flat(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
-        """Yield the children of an element, those of frames, replicas and attached models in place of these."""
-        for child in element.children:
-            if child.tag == "frame":
-                yield from self._framed(child, frame, scope)
-            elif child.tag == "replicate":
-                yield from self._replicas(child, frame, scope)
-            elif child.tag == "attach":
-                yield from self._attached(child, frame, scope)
-            else:
-                yield child, frame, scope
-
-    def _framed(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
-        values = Values(element.place, element.attributes)
-        if values.number("scale", 1.0) != 1.0:
-            raise values.place.error("a frame with a scale is not read", "scale what is in it, and remove the scale")
-        yield from self._flat(element, placed(frame, pose_of(values, scope.document.compiler)), scope.inner(element))
-
-    def _replicas(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
-        values = Values(element.place, element.attributes)
-        copies = values.number("count")
-        if not 1 <= copies <= MAX_LINKS or copies != int(copies):
-            raise values.place.error(f"count {copies:g} is no number of replicas", f"write 1 to {MAX_LINKS}")
-        turned = Values(values.place, {k: v for k, v in values.given.items() if k == "euler"})
-        rotation, _ = pose_of(turned, scope.document.compiler)
-        step = rotation, values.numbers("offset", 3) if "offset" in values else np.zeros(3)
-        digits = len(str(int(copies) - 1)) if copies > 1 else 1
-        pose = IDENTITY
-        for number in range(int(copies)):
-            suffix = f"{values.text('sep', '')}{number:0{digits}d}{scope.suffix}"
-            yield from self._flat(element, placed(frame, pose), replace(scope, suffix=suffix).inner(element))
-            pose = placed(pose, step)
-
-    def _attached(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
-        values = Values(element.place, element.attributes)
-        inner = submodel(values, scope)
-        own = MjcfScope.of(inner, scope.prefix + values.text("prefix", ""), scope.suffix, scope.depth + 1)
-        self.tree.scopes.append(own)
-        children = [child for world in inner.sections["worldbody"] for child in self._flat(world, IDENTITY, own)]
-        if "frame" in values:
-            raise values.place.error("a frame of another model is attached", "attach the body that it stands in")
-        if "body" not in values:
-            yield from ((child, placed(frame, pose), held) for child, pose, held in children)
-            return
-        bodies = {child.attributes.get("name", ""): (child, held) for child, _, held in children if child.tag == "body"}
-        name = values.text("body")
-        if name not in bodies:
-            step = f"correct the name{nearest(name, bodies)}"
-            raise values.place.error(f"the world of the attached model has no body {shown(name)}", step)
-        child, held = bodies[name]
-        yield child, frame, held
-
-    def _inside(self, children: list[_Placed], carrier: _Carrier) -> None:
+    def _inside(self, children: list[Placed], carrier: _Carrier) -> None:
         """Read what stands in a body beside its joints and inertia."""
         for child, frame, scope in children:
             if child.tag in _FLEXIBLE:
@@ -235,7 +178,7 @@ class _TreeReader:
             raise values.place.error(f"more than {MAX_LINKS} bodies", "give the MJCF of one robot")
         if values.number("gravcomp", 0.0):
             self.tree.note("gravity compensation of bodies", name)
-        children = list(self._flat(element, IDENTITY, scope))
+        children = list(self._expansion.flat(element, IDENTITY, scope))
         self._check_free(element, children, name, carrier)
         rotation, translation = placed(frame, pose_of(values, scope.document.compiler))
         joints = [one for one in children if one[0].tag == "joint" and _kind(one) != "free"]
@@ -243,7 +186,7 @@ class _TreeReader:
         origin = self._connect(name, joints, (rotation, translation + carrier.origin), carrier, inertia)
         self.tree.bodies[name] = None if inertia is None else inertia.moved(np.eye(3), origin)
         self.tree.shapes[name], self.tree.visuals[name] = [], []
-        self.tree.sources[name] = BodySource(element, origin, scope.is_own)
+        self.tree.sources[name] = BodySource(element, origin, scope.document.compiler)
         self._inside(children, _Carrier(name, origin))
 
     def _named(self, values: Values, scope: MjcfScope, word: str, before: int) -> str:
@@ -253,7 +196,7 @@ class _TreeReader:
         taken = {*self._given, *self.tree.bodies, *self.tree.joints}
         return numbered(word, before + 1, taken)
 
-    def _check_free(self, body: Element, children: list[_Placed], name: str, carrier: _Carrier) -> None:
+    def _check_free(self, body: Element, children: list[Placed], name: str, carrier: _Carrier) -> None:
         """Refuse a ball joint; what floats freely, the base of a robot or an object beside it, is held where it is."""
         for child in children:
             kind, place = _kind(child), child[0].place
@@ -264,12 +207,12 @@ class _TreeReader:
                     raise error
                 self._loose.append(error)
                 self._moving += 1
-                inside = {one.tag for one in _below(body) if one is not child[0]}
+                inside = {one.tag for one in body.below() if one is not child[0]}
                 self.tree.note(FLOATING if {"joint", "attach"} & inside else "bodies that float freely", name)
             if kind == "ball":
                 raise place.error("a ball joint has three degrees of freedom", "replace it by three hinges")
 
-    def _inertia(self, body: Element, children: list[_Placed], scope: MjcfScope) -> Inertia | None:
+    def _inertia(self, body: Element, children: list[Placed], scope: MjcfScope) -> Inertia | None:
         compiler = scope.document.compiler
         inertials = [child for child, _, _ in children if child.tag == "inertial"]
         if len(inertials) > 1:
@@ -286,7 +229,7 @@ class _TreeReader:
         place = Values(body.place, body.attributes)
         return inertia_of_body(stated, geoms, compiler, place.numbers("pos", 3) if "pos" in place else np.zeros(3))
 
-    def _connect(self, body: str, joints: list[_Placed], pose: Pose, carrier: _Carrier, own: Inertia | None) -> Array:
+    def _connect(self, body: str, joints: list[Placed], pose: Pose, carrier: _Carrier, own: Inertia | None) -> Array:
         """Add the joints of a body, and return where its origin is in the frame of its link."""
         rotation, translation = pose
         if not joints:
@@ -333,7 +276,7 @@ class _TreeReader:
             translation = translation - ref * rotation @ axis
         if scope.suffix and element.attributes.get("name"):
             self.tree.copies.setdefault(name.removesuffix(scope.suffix), []).append(scope.suffix)
-        self.tree.joints[name] = JointSource(element, values.at_least_zero("armature", 0.0), ref, scope.is_own)
+        self.tree.joints[name] = JointSource(element, values.at_least_zero("armature", 0.0), ref)
         joint = Connection(
             name, kind, "", "", rotation, translation, axis, _limits(values, scope, unit),
             damping=self._damping(values, name), friction=values.at_least_zero("frictionloss", 0.0),
@@ -357,19 +300,12 @@ class _TreeReader:
         return float(damping[0])
 
 
-def _kind(child: _Placed) -> str:
+def _kind(child: Placed) -> str:
     """Return what kind of joint an element is, empty for another."""
     element, _, scope = child
     if element.tag == "joint":
         return scope.defaults.values(element, scope.childclass).text("type", "hinge")
     return "free" if element.tag == "freejoint" else ""
-
-
-def _below(element: Element) -> Iterator[Element]:
-    """Yield the elements below one."""
-    for child in element.children:
-        yield child
-        yield from _below(child)
 
 
 def _limits(values: Values, scope: MjcfScope, unit: float) -> JointLimits:

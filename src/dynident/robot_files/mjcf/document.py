@@ -24,6 +24,8 @@ MAX_FILES: Final = 200
 
 #: Sections that say nothing of bodies and joints: passed over.
 _PASSED: Final = frozenset("size visual statistic extension custom contact sensor keyframe".split())
+#: What MuJoCo calls a model without a name.
+_UNNAMED: Final = "MuJoCo Model"
 _LANGUAGE: Final = XmlLanguage("MJCF", ("mujoco", "mujocoinclude"), "body")
 _INCLUDED: Final = XmlLanguage("MJCF", ("mujoco", "mujocoinclude"), "body")
 
@@ -45,6 +47,7 @@ class CompilerSettings:
         exact_meshes: Whether meshes are taken for exact ones unless they say how.
         mesh_folder: Folder of the mesh files, as written.
         strips: Whether folders in names of mesh files are dropped.
+        merges: Whether options of attached models are taken over.
         elements: The elements that state it.
     """
 
@@ -60,6 +63,7 @@ class CompilerSettings:
     exact_meshes: bool = False
     mesh_folder: str = ""
     strips: bool = False
+    merges: bool = False
     elements: tuple[Element, ...] = ()
 
     @property
@@ -76,27 +80,31 @@ class CompilerSettings:
 
 @dataclass(frozen=True)
 class MjcfDocument:
-    """A model with its includes.
+    """A model with its includes, and the files of what is attached to it.
 
     Attributes:
         path: The main file.
-        name: Name of the model.
+        name: Name of the model; that of the file where it has none.
+        model: What MuJoCo calls it.
         sections: The elements of each section, in the order of the file.
         compiler: Settings of the compiler.
         gravity: Gravity, shape (3,), in m/s^2.
         texts: The bytes of each file by its path as messages call it, those of attached models too.
-        includes: The elements that include files, by the path of what they include.
+        naming: The elements that include a file or name it as a model to be attached, by the path of the file.
+        known: Bytes of files by their path that count in place of what is in those files.
         disabled: The ``<flag>`` elements of what is switched off, by the name of the flag.
         has_fluid: Whether a fluid resists the motion.
     """
 
     path: object
     name: str
+    model: str
     sections: Mapping[str, list[Element]]
     compiler: CompilerSettings
     gravity: Array
     texts: dict[str, bytes]
-    includes: Mapping[str, Element]
+    naming: dict[str, list[Element]]
+    known: Mapping[str, bytes]
     disabled: Mapping[str, Element] = field(default_factory=dict)
     has_fluid: bool = False
 
@@ -104,6 +112,18 @@ class MjcfDocument:
     def folder(self) -> Path:
         """Folder of the main file."""
         return Path(str(self.path)).parent
+
+    def beside(self, element: Element, attribute: str, name: str) -> bytes:
+        """Return the bytes of a file that an element names, as :func:`file_beside` does."""
+        key = str(self.folder / name)
+        return self.known[key] if key in self.known else file_beside(element, attribute, name, self.folder)
+
+    def take(self, inner: MjcfDocument, element: Element) -> None:
+        """Count the files of a model that an element names among those of this one."""
+        self.texts.update(inner.texts)
+        for path, elements in ((str(inner.path), [element]), *inner.naming.items()):
+            known = self.naming.setdefault(path, [])
+            known += [one for one in elements if all(one is not other for other in known)]
 
     def each(self, section: str) -> Iterator[Element]:
         """Yield the elements in all sections of one name."""
@@ -134,11 +154,13 @@ def read_document(path: object, data: bytes, known: Mapping[str, bytes] | None =
     return MjcfDocument(
         path,
         name if name.isprintable() else "robot",
+        root.attributes.get("model", _UNNAMED),
         sections,
         compiler,
         np.zeros(3) if "gravity" in disabled else gravity,
         files.texts,
-        files.includes,
+        {path: [element] for path, element in files.includes.items()},
+        files.known,
         disabled,
         has_fluid,
     )
@@ -291,5 +313,6 @@ def _compiler(elements: list[Element]) -> CompilerSettings:
         exact_meshes=exact,
         mesh_folder=values.text("meshdir", values.text("assetdir", "")),
         strips=values.flag("strippath", False),
+        merges=values.choice("conflict", ("warning", "merge", "error"), "warning") == "merge",
         elements=tuple(elements),
     )

@@ -22,7 +22,10 @@ from dynident.robot_files.xml_values import Values
 _RIGID: Final = "arms of rigid links moved by joints are read"
 _LEAST_GEAR: Final = 1e-12
 _ENDS: Final = ("joint1", "joint2")
-_BODIES: Final = ("body1", "body2")
+_JOINTS: Final = ("joint", "jointinparent")
+_BODIES: Final = ("body", "body1", "body2")
+_SITES: Final = ("site", "site1", "site2", "cranksite", "slidersite", "refsite")
+_TENDONS: Final = ("tendon", "tendon1", "tendon2")
 _PARAMETERS: Final = ("dyntype", "gaintype", "biastype")
 
 
@@ -33,12 +36,13 @@ def tied(document: MjcfDocument, tree: MjcfTree) -> list[Connection]:
         DescriptionError: A muscle, a flexible body, an equality constraint that closes a loop, is redundant or is not
             linear.
     """
-    for element in document.each("deformable"):
+    for element, _ in _each(tree, "deformable"):
         if element.tag == "flex":
             raise element.place.error("a flexible body is not read", f"remove it: {_RIGID}")
     joints = tree.connections if "equality" in document.disabled else _followed(tree)
-    for element in document.each("tendon"):
-        _note_tendon(document, tree.scopes[0].defaults.values(element, "", "tendon"), element, tree)
+    for element, scope in _each(tree, "tendon"):
+        if not _is_left_tendon(element, scope, tree):
+            _note_tendon(document, scope.defaults.values(element, "", "tendon"), element, tree)
     joints = _driven(tree, joints)
     damped, rubs = "damper" not in document.disabled, "frictionloss" not in document.disabled
     return [
@@ -54,7 +58,7 @@ def _followed(tree: MjcfTree) -> list[Connection]:
     for element, scope, suffix in _equalities(tree):
         values = scope.defaults.values(element, "", "equality")
         if element.tag == "tendon":
-            values = _of_joints(values, scope.document, tree, ties)
+            values = _of_joints(values, scope, tree, ties)
         elif element.tag != "joint":
             bodies = [scope.named(values.text(key)) for key in _BODIES if key in values]
             mocap = [name for name in bodies if _is_mocap(name, tree)]
@@ -83,23 +87,51 @@ def _is_mocap(name: str, tree: MjcfTree) -> bool:
     return name in tree.sources and tree.sources[name].element.attributes.get("mocap") == "true"
 
 
-def _of_joints(values: Values, document: MjcfDocument, tree: MjcfTree, tied: Collection[str]) -> Values:
+def _each(tree: MjcfTree, section: str) -> Iterator[tuple[Element, MjcfScope]]:
+    """Yield the elements of a section, of the model and of those attached to it, with what holds for them."""
+    for scope in tree.scopes:
+        yield from ((element, scope) for element in scope.document.each(section))
+
+
+def _is_left(values: Values, scope: MjcfScope, tree: MjcfTree) -> bool:
+    """Return whether an element of an attached model stays behind, as what it names is not attached."""
+    if not scope.is_attached:
+        return False
+    if any(not _endings(values.text(key), scope, tree) for key in (*_JOINTS, *_ENDS) if key in values):
+        return True
+    tendons = [
+        one for one in scope.document.each("tendon") if one.attributes.get("name") in map(values.given.get, _TENDONS)
+    ]
+    if any(_is_left_tendon(one, scope, tree) for one in tendons):
+        return True
+    for keys, known in ((_BODIES, tree.sources), (_SITES, tree.sites)):
+        for name in (scope.prefix + values.text(key) for key in keys if key in values):
+            if not any(one.startswith(name) and one.endswith(scope.suffix) for one in known):
+                return True
+    return False
+
+
+def _is_left_tendon(element: Element, scope: MjcfScope, tree: MjcfTree) -> bool:
+    return any(_is_left(Values(one.place, one.attributes), scope, tree) for one in element.children)
+
+
+def _of_joints(values: Values, scope: MjcfScope, tree: MjcfTree, tied: Collection[str]) -> Values:
     """Return the equality of a tendon over one or two joints as that of the joints.
 
     The length of ``<fixed>`` is the sum of coef * (q - ref); the second joint follows the first, unless it follows one.
     """
-    tendons = {one.attributes.get("name", ""): one for one in document.each("tendon")}
+    tendons = {one.attributes.get("name", ""): one for one in scope.document.each("tendon")}
     name = values.text("tendon1")
     if name not in tendons:
         raise values.place.error(f"there is no tendon {shown(name)}", f"correct the name{nearest(name, tendons)}")
     rows = [Values(one.place, one.attributes) for one in tendons[name].children]
     parts = {row.text("joint"): row.number("coef") for row in rows if "joint" in row}
     plain = tendons[name].tag == "fixed" and len(parts) == len(rows) <= 2 and all(parts.values())
-    if "tendon2" in values or not plain or tree.copies.keys() & parts:
+    if "tendon2" in values or not plain or tree.copies.keys() & {scope.prefix + part for part in parts}:
         step = 'write active="false", or couple two joints by an equality of joints (<joint joint1= joint2= polycoef=>)'
         raise values.place.error("an equality of tendons, other than a <fixed> one of two joints", step)
     (one, ratio), *other = reversed(parts.items())
-    if other and one in tied:
+    if other and scope.named(one) in tied:
         (one, ratio), other = other[0], [(one, ratio)]
     constant = values.numbers("polycoef", 1, 5)[0] / ratio if "polycoef" in values else 0.0
     given = {"joint1": one, "polycoef": f"{float(constant)!r}"}
@@ -110,24 +142,23 @@ def _of_joints(values: Values, document: MjcfDocument, tree: MjcfTree, tied: Col
 
 def _equalities(tree: MjcfTree) -> Iterator[tuple[Element, MjcfScope, str]]:
     """Yield the active equalities, of joints in a ``<replicate>`` once a copy, with what names there end with."""
-    for scope in tree.scopes:
-        for element in scope.document.each("equality"):
-            values = scope.defaults.values(element, "", "equality")
-            ends = [_endings(values.text(key), scope, tree) for key in _ENDS if key in values]
-            if not values.flag("active", True) or (element.tag == "joint" and scope.depth and not all(ends)):
-                continue  # of an attached model, what ties joints that are not attached stays behind
-            if len(ends) == 2 and ends[0] != ends[1]:
-                evidence = "no <replicate> copies both of its joints"
-                names = f"{values.text('joint1')}{ends[0][0]} and {values.text('joint2')}{ends[1][0]}"
-                raise values.place.error(evidence, f"name those of copies, such as {names}")
-            yield from ((element, scope, suffix) for suffix in (ends[0] if ends else [scope.suffix]))
+    for element, scope in _each(tree, "equality"):
+        values = scope.defaults.values(element, "", "equality")
+        if not values.flag("active", True) or _is_left(values, scope, tree):
+            continue
+        ends = [_endings(values.text(key), scope, tree) for key in _ENDS if key in values]
+        if len(ends) == 2 and ends[0] != ends[1]:
+            evidence = "no <replicate> copies both of its joints"
+            names = f"{values.text('joint1')}{ends[0][0]} and {values.text('joint2')}{ends[1][0]}"
+            raise values.place.error(evidence, f"name those of copies, such as {names}")
+        yield from ((element, scope, suffix) for suffix in (ends[0] if ends else [scope.suffix]))
 
 
 def _endings(name: str, scope: MjcfScope, tree: MjcfTree) -> list[str]:
     """Return what the names of the copies of a joint end with; of an attached model, none where it is not attached."""
     known = tree.copies.get(scope.prefix + name, [scope.suffix])
     ends = [end for end in known if end.endswith(scope.suffix)]
-    return [end for end in ends if scope.prefix + name + end in tree.joints] if scope.depth else ends
+    return [end for end in ends if scope.prefix + name + end in tree.joints] if scope.is_attached else ends
 
 
 def _joint_named(values: Values, key: str, joints: Mapping[str, Connection], tree: MjcfTree) -> str:
@@ -178,12 +209,14 @@ def _driven(tree: MjcfTree, joints: list[Connection]) -> list[Connection]:
     """Return the joints with the gears, rotor inertia, damping and limits of torque of their actuators."""
     found = {joint.name: joint for joint in joints}
     motors: dict[str, list[_Motor]] = {}
-    for scope, element in ((each, one) for each in tree.scopes for one in each.document.each("actuator")):
+    for element, scope in _each(tree, "actuator"):
         values = scope.defaults.values(element, "")
+        if _is_left(values, scope, tree):
+            continue
         words = {values.text(name, "") for name in _PARAMETERS}
         if element.tag == "muscle" or "muscle" in words:
             raise values.place.error("a muscle is not read", f"replace it by a motor of the joint: {_RIGID}")
-        name = values.text("joint", values.text("jointinparent", ""))
+        name = next((values.text(key) for key in _JOINTS if key in values), "")
         states = [key for key in ("armature", "damping") if key in values and np.any(values.numbers(key, 1, 3))]
         if element.tag not in ACTUATORS or not name:
             if states:

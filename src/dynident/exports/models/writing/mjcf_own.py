@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from xml.sax.saxutils import quoteattr, unescape
 
 import numpy as np
 
@@ -16,30 +14,21 @@ from dynident.errors import DescriptionError
 from dynident.exports.models.subject.drives import Drives
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.writing.mjcf_files import MjcfFiles
 from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared
 from dynident.exports.models.writing.urdf import joint_tags
-from dynident.exports.models.writing.xml_edit import (
-    ByteEdit,
-    PlacedElement,
-    added_child,
-    apply,
-    elements,
-    preorder,
-    with_attributes,
-    without_attributes,
-)
-from dynident.exports.models.writing.xml_text import number, numbers, quaternion, unused_name
+from dynident.exports.models.writing.xml_edit import ByteEdit, PlacedElement, added_child, without_attributes
+from dynident.exports.models.writing.xml_text import number, numbers, quaternion
 from dynident.model.inertia import Inertia
 from dynident.model.parameters import to_mujoco_fullinertia
-from dynident.robot_files.mjcf.bodies import BodySource
+from dynident.robot_files.mjcf.document import CompilerSettings
 from dynident.robot_files.mjcf.model import MjcfModel, read_mjcf_model
 from dynident.robot_files.mjcf.poses import ORIENTATIONS
 from dynident.robot_files.tree import some, weightless
 from dynident.robot_files.xml_elements import Element
 
 _SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-_INCLUDED = re.compile(r"""<include\s[^>]*?\bfile\s*=\s*["']([^"'/]+)["']""")
-_STEP = "put it into the main file, with names of its own, and identify again"
+_STEP = "write replicas as bodies of their own, attach each time a copy of the file, and identify again"
 #: Settings of the compiler under which a stated inertia is not the one that counts, and what ends that.
 _NEUTRAL = {
     "inertiafromgeom": ("true", "auto"),
@@ -56,7 +45,7 @@ class PatchedMjcf:
 
     Attributes:
         texts: Bytes of each changed file by its path beside the user's main file: that one under its own name, changed
-            includes under new names, which the files that include them have.
+            includes and attached models under new names, which the files that name them have.
         before: What the user's files say.
         after: What the changed files say.
         placement: Bodies of the file on the links of the model.
@@ -99,17 +88,18 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
     for name, values in tags.items():
         writer.joint(name, values)
     is_elsewhere = output.resolve().parent != source.path.resolve().parent
-    texts, renamed = writer.texts(output, is_elsewhere)
-    after = read_mjcf_model(source.path, texts[str(source.path)], texts)
+    files = writer.files()
+    edited, renamed = files.texts(output, is_elsewhere)
+    here, _ = files.found_from(source.path, edited)
+    after = read_mjcf_model(source.path, here[str(source.path)], here)
+    texts, folders = files.found_from(output, edited)
     notes = kept_notes(shares, placement, left)
     if renamed:
-        what = "includes are copied to" if is_elsewhere else "what changed in includes is in"
+        what = "other files are copied to" if is_elsewhere else "what changed in other files is in"
         notes.append(f"your own files stay as they are: {what} {some(renamed)}")
-    if is_elsewhere and (folders := writer.asset_folders(output)):
-        main = str(source.path)
-        texts = {**texts, main: _with_folders(source.path, texts[main], folders)}
-        notes.append(f"meshes and textures are found where they are: {some(list(folders.values()))}")
-    if before.document.compiler.changes_inertia:
+    if folders:
+        notes.append(f"meshes and textures are found where they are: {some(folders)}")
+    if any(_changes(one.compiler, before) for one in before.tree.sources.values()):
         notes.append("all bodies state their inertia now: <compiler> had settings that change what is stated")
     return PatchedMjcf(texts, before, after, placement, tags, tuple(notes))
 
@@ -121,7 +111,8 @@ def _bodies(model: MjcfModel, new: Mapping[str, Inertia | None]) -> dict[str, In
         DescriptionError: A body between two joints of one body has an inertia that counts, which MJCF cannot say.
     """
     light = weightless(new)
-    pinned = model.tree.bodies if model.document.compiler.changes_inertia else {}
+    sources = model.tree.sources
+    pinned = {name: model.tree.bodies[name] for name, one in sources.items() if _changes(one.compiler, model)}
     found: dict[str, Inertia | None] = {}
     for name, body in {**pinned, **new}.items():
         if name in model.tree.sources:
@@ -155,94 +146,61 @@ def _tags(
     return tags, [name for name in subject.model.robot.joint_names if name not in friction]
 
 
+def _changes(compiler: CompilerSettings, model: MjcfModel) -> bool:
+    """Return whether a stated inertia may not be the one that counts, by the settings for a body or for all."""
+    return compiler.changes_inertia or model.document.compiler.total_mass > 0.0
+
+
 class _Writer:
-    """Collects the edits of each file."""
+    """Writes into the elements of a model; of one that stands for several bodies or joints, what is the same in all."""
 
     def __init__(self, model: MjcfModel) -> None:
         self._model = model
-        self._placed: dict[str, list[PlacedElement]] = {}
-        self._edits: dict[str, list[ByteEdit]] = {}
-        if model.document.compiler.changes_inertia:
-            for element in model.document.compiler.elements:
-                self._neutralise(element)
+        tree = self._tree = model.tree
+        self._files = MjcfFiles(model.document, [scope.document for scope in self._tree.scopes])
+        self._copies = Counter(_key(one.element) for one in (*tree.sources.values(), *tree.joints.values()))
+        self._written: dict[tuple[str, int], list[tuple[str, dict[str, str]]]] = {}
+        settings = {_key(one): one for source in tree.sources.values() for one in source.compiler.elements}
+        for element in settings.values():
+            self._neutralise(element)
 
-    def asset_folders(self, output: Path) -> dict[str, str]:
-        """Return settings of the compiler by which files of meshes and textures are found from an output's folder.
+    def files(self) -> MjcfFiles:
+        """Return the files with all edits.
 
         Raises:
-            DescriptionError: It has attached models, whose files MuJoCo finds from the folder of the main file alone.
+            DescriptionError: An element stands for several bodies or joints, which are not the same any more.
         """
-        document, given = self._model.document, dict[str, str]()
-        for element in document.compiler.elements:
-            given.update(element.attributes)
-        named = {
-            one.tag
-            for section in ("asset", "deformable")
-            for one in document.each(section)
-            if one.attributes.get("file")
-        }
-        if "model" in named:
-            evidence = "attached models are found from the folder of your file alone"
-            step = f"write the output there: -o {document.folder / output.name}"
-            raise DescriptionError(document.path, "<model>", evidence, step)
-        found: dict[str, str] = {}
-        for key, tags in (("meshdir", {"mesh", "hfield", "skin"}), ("texturedir", {"texture"})):
-            own = Path(given.get(key, given.get("assetdir", "")))
-            if named & tags and not own.is_absolute():
-                found[key] = _from(output, document.folder / own)
-        return found
-
-    def texts(self, output: Path, is_elsewhere: bool) -> tuple[dict[str, bytes], list[str]]:
-        """Return the files that changed, by path, and the names of the changed includes, which begin as the output's.
-
-        Of an output in another folder all includes are among them.
-
-        No name is that of a file of the model, or of one beside the output that an earlier output has not included.
-        """
-        document = self._model.document
-        changed = {str(document.path), *(document.includes if is_elsewhere else ())}
-        for path in self._edits:
-            while path not in changed:  # what includes a changed file has its new name, and so changes too
-                changed.add(path)
-                path = str(document.includes[path].path)  # noqa: PLW2901
-        names: dict[str, str] = {}
-        taken = {Path(path).stem for path in document.texts} | _beside_not_of(output)
-        for path in (path for path in document.includes if path in changed):
-            stem = unused_name(f"{output.stem}-{Path(path).stem}", taken)
-            taken.add(stem)
-            names[path] = stem + Path(path).suffix
-        for path, element in document.includes.items():
-            name = names.get(path, Path(os.path.relpath(path, document.folder)).as_posix())
-            if str(element.path) in changed and Path(name) != Path(element.attributes["file"]):
-                data, place = self._of(element)
-                self._add(element, with_attributes(data, place, {"file": name}))
-        texts: dict[str, bytes] = {}
-        for path in sorted(changed, key=list(document.texts).index):
-            new = str(document.folder / names[path]) if path in names else path
-            texts[new] = apply(document.texts[path], self._edits.get(path, []))
-        return texts, list(names.values())
+        for key, written in self._written.items():
+            if any(values != written[0][1] for _, values in written) or len(written) < self._copies[key]:
+                evidence = f"its element stands for {self._copies[key]}, by a replica or a model attached several times"
+                raise DescriptionError(self._model.document.path, written[0][0], evidence, _STEP)
+        return self._files
 
     def inertial(self, name: str, body: Inertia | None) -> None:
         """Give a body another inertia about the origin of its link, or none."""
-        source = self._model.tree.sources[name]
-        self._check(f"body '{name}'", source)
+        source = self._tree.sources[name]
         element = source.element
         stated = element.all("inertial")
         if body is None and not stated and not element.all("geom"):
             return
         values = _inertial_values(body, source.origin)
         text = " ".join(f'{key}="{value}"' for key, value in values.items())
-        data, place = self._of(element)
-        if not stated:
-            self._add(element, _first_child(data, place, f"<inertial {text}/>".encode("ascii")))
+        data, place = self._files.of(element)
+        if place.tag != element.tag:
+            evidence, step = "it is the world of an attached model", "attach the body in it, and identify again"
+            raise DescriptionError(self._model.document.path, f"body '{name}'", evidence, step)
+        if self._is_written(f"body '{name}'", element, values):
             return
-        _, own = self._of(stated[0])
+        if not stated:
+            self._files.add(element, _first_child(data, place, f"<inertial {text}/>".encode("ascii")))
+            return
+        _, own = self._files.of(stated[0])
         gone = [key for key in ("diaginertia", "fullinertia", *ORIENTATIONS) if key not in values]
-        self._add(stated[0], without_attributes(data, own, gone, values))
+        self._files.add(stated[0], without_attributes(data, own, gone, values))
 
     def joint(self, name: str, values: tuple[float, float | None, float | None]) -> None:
         """Give a joint another armature, damping and friction loss; None keeps that of the file."""
-        tree = self._model.tree
+        tree = self._tree
         if name not in tree.joints:
             return
         joint = next(one for one in self._model.connections if one.name == name)
@@ -266,14 +224,17 @@ class _Writer:
             raise source.element.place.error(evidence, step)
         if changed.keys() & {"armature", "damping"} and name in tree.motors:
             for motor in tree.motors[name]:
-                data, place = self._of(motor)
-                self._add(motor, with_attributes(data, place, {"armature": "0", "damping": "0"}))
+                self._files.set(motor, {"armature": "0", "damping": "0"})
             own = {key: number(new) for key, new in zip(keys[:2], values[:2], strict=True) if new is not None}
             changed = {**own, **changed}
-        if changed:
-            self._check(f"joint '{name}'", source)
-            data, place = self._of(source.element)
-            self._add(source.element, with_attributes(data, place, changed))
+        if changed and not self._is_written(f"joint '{name}'", source.element, changed):
+            self._files.set(source.element, changed)
+
+    def _is_written(self, where: str, element: Element, values: dict[str, str]) -> bool:
+        """Return whether an element has been written for another of its bodies or joints."""
+        written = self._written.setdefault(_key(element), [])
+        written.append((where, values))
+        return len(written) > 1
 
     def _neutralise(self, element: Element) -> None:
         given = element.attributes
@@ -281,38 +242,12 @@ class _Writer:
             key: new for key, (old, new) in _NEUTRAL.items() if key in given and (old is None or given[key] == old)
         }
         if values:
-            data, place = self._of(element)
-            self._add(element, with_attributes(data, place, values))
-
-    def _check(self, where: str, source: BodySource | object) -> None:
-        if not getattr(source, "is_own", True):
-            evidence = "it comes from an attached model or a replica, whose elements stand for several"
-            raise DescriptionError(self._model.document.path, where, evidence, _STEP)
-
-    def _of(self, element: Element) -> tuple[bytes, PlacedElement]:
-        key = str(element.path)
-        data = self._model.document.texts[key]
-        if key not in self._placed:
-            self._placed[key] = list(preorder(elements(element.path, data)))
-        return data, self._placed[key][element.number]
-
-    def _add(self, element: Element, edit: ByteEdit) -> None:
-        self._edits.setdefault(str(element.path), []).append(edit)
+            self._files.set(element, values)
 
 
-def _from(output: Path, place: Path) -> str:
-    """Return the name of a place as seen from the folder of an output."""
-    try:
-        return Path(os.path.relpath(place.resolve(), output.resolve().parent)).as_posix()
-    except ValueError:  # on another drive
-        return place.resolve().as_posix()
-
-
-def _with_folders(path: Path, data: bytes, folders: Mapping[str, str]) -> bytes:
-    """Return a main file with settings of the compiler that count more than all others in it."""
-    text = " ".join(f"{key}={quoteattr(name)}" for key, name in folders.items())
-    root = elements(path, data)
-    return apply(data, [added_child(data, root, f"<compiler {text}/>".encode())])
+def _key(element: Element) -> tuple[str, int]:
+    """Return what an element of the files is known by."""
+    return str(element.path), element.number
 
 
 def _first_child(data: bytes, parent: PlacedElement, text: bytes) -> ByteEdit:
@@ -324,19 +259,6 @@ def _first_child(data: bytes, parent: PlacedElement, text: bytes) -> ByteEdit:
     indent = edit.text[: len(edit.text) - len(text)]
     start = parent.children[0].start
     return ByteEdit(start, start, text + indent)
-
-
-def _beside_not_of(output: Path) -> set[str]:
-    """Return the names, without endings, of files beside an output that it does not include as it is now."""
-    folder = output.absolute().parent
-    own, waiting = set[str](), [output.name]
-    while waiting:
-        name = waiting.pop()
-        if name not in own and (folder / name).is_file():
-            own.add(name)
-            words = _INCLUDED.findall((folder / name).read_text("utf-8", errors="replace"))
-            waiting += [unescape(word, {"&quot;": '"', "&apos;": "'"}) for word in words]
-    return {file.stem for file in folder.iterdir() if file.name not in own} if folder.is_dir() else set()
 
 
 def _inertial_values(body: Inertia | None, origin: Array) -> dict[str, str]:
