@@ -110,7 +110,7 @@ FILES = {
     "replicas": arm(
         HINGE
         + BODY
-        + '<replicate count="3" offset=".1 .2 0" euler="0 0 30" sep="-"><geom size=".1" pos=".4 0 0"/>'
+        + '<replicate count="4" offset=".1 .2 0" euler="10 20 30" sep="-"><geom size=".1" pos=".4 0 0"/>'
         + f'<body name="r" pos="1 0 0"><joint name="r"/>{BODY}</body></replicate>'
     ),
     "fixed bodies with sites": arm(

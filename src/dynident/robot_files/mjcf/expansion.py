@@ -13,6 +13,7 @@ from dynident.model.documents.numbers import shown
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed, pose_of
 from dynident.robot_files.mjcf.scope import MjcfScope
+from dynident.robot_files.rotations import rotation_from_euler
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
 from dynident.robot_files.xml_values import Values
 
@@ -71,15 +72,20 @@ class Expansion:
         copies = values.number("count")
         if not 1 <= copies <= MAX_LINKS or copies != int(copies):
             raise values.place.error(f"count {copies:g} is no number of replicas", f"write 1 to {MAX_LINKS}")
-        turned = Values(values.place, {k: v for k, v in values.given.items() if k == "euler"})
-        rotation, _ = pose_of(turned, scope.document.compiler)
-        step = rotation, values.numbers("offset", 3) if "offset" in values else np.zeros(3)
+        compiler = scope.document.compiler
+        angles = compiler.unit * (values.numbers("euler", 3) if "euler" in values else np.zeros(3))
+        offset = values.numbers("offset", 3) if "offset" in values else np.zeros(3)
         digits = len(str(int(copies) - 1)) if copies > 1 else 1
-        pose = IDENTITY
+        place = np.zeros(3)
         for number in range(int(copies)):
             suffix = f"{values.text('sep', '')}{number:0{digits}d}{scope.suffix}"
-            yield from self.flat(element, placed(frame, pose), replace(scope, suffix=suffix).inner(element))
-            pose = placed(pose, step)
+            rotation = rotation_from_euler(
+                number * angles, compiler.sequence
+            )  # as MuJoCo: not the step again and again
+            yield from self.flat(
+                element, placed(frame, (rotation, place)), replace(scope, suffix=suffix).inner(element)
+            )
+            place = place + rotation @ offset
 
     def _in_attached(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[Placed]:
         """Yield what an ``<attach>`` brings: the world of a model, one of its bodies, or what is in one of its frames.
