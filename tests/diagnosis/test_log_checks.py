@@ -23,7 +23,10 @@ from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.cause_search import Blame, Cause
+from dynident.diagnosis.causes.held_out import halves
 from dynident.diagnosis.causes.known_bodies import NominalBodies
+from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
+from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
 from dynident.diagnosis.checks import CHECKS, Finding, examine, examine_recording
 from dynident.diagnosis.checks.resolution import steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
@@ -438,6 +441,24 @@ def test_bodies_that_the_torques_do_not_tell_leave_no_freedom() -> None:
     prior = np.array([1.0, 0.25, 0.1])
     assert known.freedom(prior, prior) == 1.0  # the log adds nothing
     assert known.freedom(prior, 1e-9 * prior) == pytest.approx(3.0)
+
+
+def test_causes_are_taken_in_where_they_predict_unseen_samples(trial: Trial, tmp_path: Path) -> None:
+    tau = trial.columns["tau"].copy()
+    size = 2.0 * tau[:, 1].std()
+    tau[:, 1] += size * np.sin(3.0 * trial.columns["q"][:, 1])
+    faulty = trial.with_columns(tau=tau)
+    fit = quick_fit(faulty.case, faulty.case.read(faulty.written(tmp_path)))
+    assert isinstance(fit, QuickFit)
+    plain, one = robot_misfit(fit), np.ones(1)
+    assert plain.left > LEFT
+    q = np.asarray(fit.rows.prepared.log.q)[fit.rows.prepared.keep, 1]
+    true, other = np.zeros((2, 1, len(q), 3))
+    true[0, :, 1] = np.sin(3.0 * q)
+    other[0, :, 1] = np.where(halves(len(q))[0], 1e3, 1.0) * np.random.default_rng(0).normal(size=len(q))
+    good, bad = (Blame(Cause("any", "", own), one, np.eye(1), 6, 1, 1, 1, one, one, ()) for own in (true, other))
+    assert robot_misfit(fit, known=[bad]).left == plain.left  # learned from the half where it is small
+    assert robot_misfit(fit, known=[bad, good]).left < 0.2 * plain.left
 
 
 def test_the_last_digit_of_a_joint_at_rest_is_told_once(trial: Trial, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Log checks of a recorded log below a low cut-off, as drafts of slow logs have it; skipped without the log."""
+"""Log checks of recorded logs, as their cases read them and below a low cut-off; skipped without the logs."""
 
 from __future__ import annotations
 
@@ -13,12 +13,21 @@ from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.diagnosis.checks import examine
 from dynident.model.friction import FRICTION
 
-pytestmark = pytest.mark.battery
-
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 
+@pytest.mark.parametrize("name", ["panda", "lwr4", "tx40", "tiago", "ur10e"])
+def test_no_recorded_log_has_an_error(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    case = read_case(ROOT / "examples" / "cases" / f"{name}.yaml")
+    if not (DATA / case.train[0]).is_file():
+        pytest.skip(f"no {case.train[0]} under DYNIDENT_DATA or ../shared/data")
+    for log in (*case.train, *case.test):
+        assert [one.line() for one in examine(case, log).findings if one.severity == "error"] == []
+
+
+@pytest.mark.battery
 @pytest.mark.parametrize("run", [1, 2, 3])
 def test_a_wrist_torque_that_follows_its_position_is_no_other_order(run: int, monkeypatch: pytest.MonkeyPatch) -> None:
     log = f"kuka_lwr4_flobaroid/measurements_{run}.csv"
@@ -32,6 +41,7 @@ def test_a_wrist_torque_that_follows_its_position_is_no_other_order(run: int, mo
     assert examine(case, log).sound
 
 
+@pytest.mark.battery
 @pytest.mark.parametrize("joint", range(1, 7))
 def test_joints_at_rest_are_told_once(joint: int, monkeypatch: pytest.MonkeyPatch) -> None:
     log = f"ur10e_mamedov/jointwise_20_01_22_joint_{joint}.csv"

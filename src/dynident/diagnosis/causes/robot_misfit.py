@@ -59,31 +59,34 @@ def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence
     Args:
         fit: The log.
         reading: How its rows are read; None for as the case states.
-        known: Causes of a residual that are taken in.
+        known: Causes of a residual: those that predict unseen samples better are taken in, where so much is left that
+            they matter.
     """
     held = HeldOutErrors(fit)
     reading = reading or as_stated(fit)
-    shared = _with_causes(reading, known)
-    errors = held.errors(shared)
+    errors, torque, told = held.errors(reading), reading.rows.torque, judged(fit.rows.masks)
+    columns = zip(torque.T, reading.rows.masks.T, told, strict=True)
+    size = np.array([np.var(column[mask]) if one else 0.0 for column, mask, one in columns])
+    shared = reading
+    for blame in known if _left(errors, size, reading) > LEFT else ():
+        taken = _with_cause(shared, blame)
+        lower = held.errors(taken)
+        if held.difference(lower, errors)[0] > 0.0:
+            shared, errors = taken, lower
     gain, spread = held.difference(held.errors(shared, ridge=RIDGE), errors)
-    torque = reading.rows.torque
     counts = np.maximum(reading.rows.masks.sum(axis=0), 1)
-    told = judged(fit.rows.masks)
-    sizes = np.array(
-        [
-            np.var(column[mask]) if one else 0.0
-            for column, mask, one in zip(torque.T, reading.rows.masks.T, told, strict=True)
-        ]
-    )
-    left = errors.sum(axis=0) / counts
-    joints = np.sqrt(left / np.maximum(sizes, 1e-300))
-    return RobotMisfit(float(np.sqrt(left.sum() / max(float(sizes.sum()), 1e-300))), joints, gain, spread)
+    joints = np.sqrt(errors.sum(axis=0) / counts / np.maximum(size, 1e-300))
+    return RobotMisfit(_left(errors, size, reading), joints, gain, spread)
 
 
-def _with_causes(reading: ReadRows, known: Sequence[Blame]) -> ReadRows:
-    if not known:
-        return reading
-    extra = np.concatenate([blame.cause.columns for blame in known])
+def _left(errors: Array, size: Array, reading: ReadRows) -> float:
+    """Return the root mean square of errors (blocks, n) over that of torques of variance ``size`` (n,)."""
+    counts = np.maximum(reading.rows.masks.sum(axis=0), 1)
+    return float(np.sqrt((errors.sum(axis=0) / counts).sum() / max(float(size.sum()), 1e-300)))
+
+
+def _with_cause(reading: ReadRows, blame: Blame) -> ReadRows:
+    extra = blame.cause.columns
     size = 1 + max(int(own.max()) for own in reading.rows.columns)
     every = np.arange(size, size + len(extra))
     blocks = tuple(np.column_stack([block, extra[:, :, i].T]) for i, block in enumerate(reading.rows.blocks))
