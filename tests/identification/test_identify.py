@@ -24,7 +24,7 @@ from dynident.identification.fit import fit
 from dynident.identification.identify import identify
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.identification.residuals.covariance import correlation_factors
-from dynident.identification.validate import validate
+from dynident.identification.validate import validate, with_nominal
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -252,3 +252,20 @@ def test_rows_that_do_not_count_have_no_say_in_the_correlation() -> None:
     assert correlation_factors([residual])[1] > 100
     np.testing.assert_allclose(correlation_factors([residual], [mask]), 1.0, atol=0.6)
     assert correlation_factors([residual], [np.zeros_like(mask)]).tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("parts", [("coulomb", "viscous"), ("offset",), ("coulomb",)])
+def test_friction_beside_the_nominal_inertias_brakes_as_that_of_the_estimate_does(
+    parts: tuple[str, ...], planar_2r: Robot, exact_log: MakeLog
+) -> None:
+    assert planar_2r.nominal is not None
+    truth = DynamicModel(planar_2r, (FRICTION.make("coulomb"), FRICTION.make("viscous"), FRICTION.make("offset")))
+    log = exact_log(truth, np.append(planar_2r.nominal, [2.0, -0.5, 0.3, 1.0, 0.4, 0.2]), noise=0.05)
+    problem = build_problem(DynamicModel(planar_2r, tuple(FRICTION.make(name) for name in parts)), [log], GIVEN)
+    found = with_nominal(fit(problem, Consistent()), problem)
+    nominal = found.train.nominal
+    assert nominal is not None
+    if parts == ("coulomb", "viscous"):
+        assert nominal.friction["Fv[joint1]"] == 0.0 and nominal.friction["Fv[joint2]"] > 0.2
+    assert min((v for name, v in nominal.friction.items() if name[:2] in ("Fc", "Fv")), default=0.0) >= 0.0
+    assert nominal.friction_fitted > 0.98 * found.train.total_relative_error

@@ -85,7 +85,8 @@ def with_nominal(estimate: Estimate, problem: Problem) -> Estimate:
     """Return the estimate with the errors of the robot model's inertias on its samples; as it is where it states none.
 
     Friction, offset and rotor inertia beside the nominal inertias are those of weighted least squares on the same QR
-    factors, each joint weighted by its residual in the fit; inertias that a case states by ``prior`` have no part.
+    factors, each joint weighted by its residual in the fit; coefficients that would come out below zero where physics
+    wants none are zero, as in the estimate. Inertias that a case states by ``prior`` have no part.
     """
     nominal = problem.model.robot.nominal
     if nominal is None:
@@ -97,8 +98,16 @@ def with_nominal(estimate: Estimate, problem: Problem) -> Estimate:
         matrix, torque = triangle.factor[:, :-1] / deviation, triangle.factor[:, -1] / deviation
         rows.append(matrix @ free[triangle.columns])
         target.append(torque - matrix @ still[triangle.columns])
-    friction = np.linalg.lstsq(np.concatenate(rows), np.concatenate(target))[0]
-    names = [parameter.name for parameter in problem.base.parameters[len(nominal) :]]
+    parameters = problem.base.parameters[len(nominal) :]
+    signs = np.array([parameter.nonnegative for parameter in parameters], bool)
+    friction, kept = np.zeros(len(parameters)), np.full(len(parameters), True)
+    while kept.any():
+        friction = np.zeros(len(parameters))
+        friction[kept] = np.linalg.lstsq(np.concatenate(rows)[:, kept], np.concatenate(target))[0]
+        if not (wrong := signs & (friction < 0)).any():
+            break
+        kept &= ~wrong
+    names = [parameter.name for parameter in parameters]
     errors = nominal_errors(problem.model, problem.base, problem.logs, dict(zip(names, friction.tolist(), strict=True)))
     return replace(estimate, train=replace(estimate.train, nominal=errors))
 
