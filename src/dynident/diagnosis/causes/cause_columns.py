@@ -39,6 +39,11 @@ class CauseRows:
     oversampling: float = 1.0
 
     @cached_property
+    def shared(self) -> BoolArray:
+        """Which columns of beta more than one joint has, shape (size,)."""
+        return np.bincount(np.concatenate(self.columns), minlength=self.size) > 1
+
+    @cached_property
     def counts(self) -> Array:
         """Rows of each joint that count, shape (n,), at least 1."""
         return np.maximum(self.masks.sum(axis=0), 1).astype(float)

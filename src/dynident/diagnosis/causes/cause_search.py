@@ -147,7 +147,8 @@ class CauseSearch:
 
     def fitted(self, chosen: Sequence[int]) -> Solved:
         """Make the fit with some of the causes, by their numbers."""
-        return weighted_products(*self.products(chosen), self.columns.squares, self.rows.counts, self.floors)
+        counts, start = self.rows.counts, self.columns.whole / self.rows.counts + self.floors
+        return weighted_products(*self.products(chosen), self.columns.squares, counts, self.floors, start)
 
     def used(self, chosen: Sequence[int]) -> IntArray:
         """Return the columns of the fit with some of the causes, by their numbers among all columns."""

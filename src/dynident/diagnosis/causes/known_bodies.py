@@ -229,7 +229,7 @@ class Anchored(CauseSearch):
     """
 
     def __init__(self, rows: CauseRows, causes: Sequence[Cause], known: KnownBodies, factors: Array) -> None:
-        kept = np.bincount(np.concatenate(rows.columns), minlength=rows.size) > 1
+        kept = rows.shared.copy()
         kept[known.places] = True
         super().__init__(rows, causes, kept)
         self._taken = np.array([len(own) - kept[own].sum() for own in rows.columns])

@@ -43,7 +43,7 @@ class Trends:
         rows = self.fit.rows
         target = rows.torque - rows.known
         found = CauseRows(rows.blocks, rows.columns, self.fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
-        return CauseSearch(found, self.causes).blames()
+        return CauseSearch(found, self.causes, found.shared).blames()
 
     @cached_property
     def causes(self) -> tuple[Cause, ...]:

@@ -130,7 +130,9 @@ class Solved:
         return -found.T
 
 
-def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:
+def weighted_products(
+    grams: Array, sides: Array, squares: Array, counts: Array, floors: Array, start: Array | None = None
+) -> Solved:
     """Return the fit in which each joint's rows weigh by their own residual variance.
 
     Args:
@@ -139,8 +141,10 @@ def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array,
         squares: Sum of the squared target, shape (n,).
         counts: Rows of each joint, shape (n,).
         floors: Residual variance of each joint at least, shape (n,).
+        start: Where the variances begin, shape (n,); None for those of the target.
     """
-    (beta,), (variances,), (gram,) = _weighted(grams, sides[None], squares[None], counts, floors[None])
+    first = None if start is None else start[None]
+    (beta,), (variances,), (gram,) = _weighted(grams, sides[None], squares[None], counts, floors[None], first)
     return Solved(beta, variances, float(np.sum(np.log(variances))), gram)
 
 
@@ -157,7 +161,9 @@ def weighted_variances(grams: Array, sides: Array, squares: Array, counts: Array
     return _weighted(grams, sides, squares, counts, floors)[1]
 
 
-def _weighted(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> tuple[Array, Array, Array]:
+def _weighted(
+    grams: Array, sides: Array, squares: Array, counts: Array, floors: Array, start: Array | None = None
+) -> tuple[Array, Array, Array]:
     """Return beta (m, k), residual variances (m, n) and weighted products (m, k, k) of fits side by side."""
     many, _, size = sides.shape
     norms = np.sqrt(np.einsum("...ikk->...k", grams))
@@ -165,7 +171,7 @@ def _weighted(grams: Array, sides: Array, squares: Array, counts: Array, floors:
     square = scale[..., :, None] * scale[..., None, :]
     grams, sides = grams / square[..., None, :, :], sides / scale[..., None, :]
     flat = grams.reshape(*grams.shape[:-2], -1)
-    variances = squares / counts + floors
+    variances = squares / counts + floors if start is None else start
     beta, gram = np.zeros((many, size)), np.zeros((many, size, size))
     for _ in range(PASSES):
         weights = 1.0 / np.maximum(variances, LIGHTEST * variances.max(axis=1, keepdims=True))
