@@ -13,8 +13,6 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.identification.problem.regressor_stream import motion_of
-from dynident.model.kernels import batched
 
 #: Columns of a body, and of them those that are told: first moments and mass.
 TEN, TOLD = 10, 4
@@ -31,12 +29,9 @@ _ROWS, _COLUMNS = np.triu_indices(3)
 
 def load_columns(fit: QuickFit) -> Array:
     """Return the torque of a body at the last link, filtered: first moments, mass, moments of inertia (10, N, n)."""
-    prepared = fit.rows.prepared
-    motion = motion_of(prepared.log)
-    regressor = batched.torque_regressor(fit.model.robot.chain, motion.q, motion.dq, motion.ddq, once=True)
-    last = regressor[:, :, -TEN:][:, :, [*range(TEN - TOLD, TEN), *range(TEN - TOLD)]]
-    flat = np.ascontiguousarray(last.transpose(2, 1, 0)).reshape(-1, len(last))
-    return prepared.smooth(flat)[:, prepared.keep].reshape(TEN, last.shape[1], -1).transpose(0, 2, 1)
+    last = fit.model.inertial_count - TEN + np.array([*range(TEN - TOLD, TEN), *range(TEN - TOLD)])
+    shares, rows = fit.base.matrix[:, last], fit.rows  # a standard column is so many of those of the base parameters
+    return np.stack([(block @ shares[own]).T for block, own in zip(rows.blocks, rows.columns, strict=True)], axis=2)
 
 
 def carried(values: Array) -> Array:

@@ -160,17 +160,16 @@ def _linear(fit: QuickFit, joint: int) -> list[float]:
     Joints weigh by the size of their torques. Noise of the torque makes the factor too small by about its share of the
     variance: a start, as the valley is often narrow.
     """
-    size = fit.base.count
-    factor = 1.0
+    products, size, factor = fit.triangles.products, fit.base.count, 1.0
+    every, taken = np.arange(len(products.grams)), np.eye(len(products.grams))[joint]
+    squares, at_joint = products.squares[every, every, every], products.squares[joint, joint]
+    sides = products.sides[every, :, every] * (1.0 - taken)[:, None] - products.sides[:, :, -1]
     for _ in range(ROUNDS):
-        gram, side = RIDGE * np.eye(size + 1), np.zeros(size + 1)
-        for i, (own, triangle) in enumerate(fit.triangles):
-            logged, known = triangle[:, len(own) + i], triangle[:, -1]
-            weight = 1.0 / max(float(np.linalg.norm(logged)) * (factor if i == joint else 1.0), 1e-300)
-            added = logged if i == joint else np.zeros(len(logged))
-            columns, every = np.column_stack([triangle[:, : len(own)], -added]) * weight, np.append(own, size)
-            gram[np.ix_(every, every)] += columns.T @ columns
-            side[every] += columns.T @ (weight * (logged - added - known))
+        weights = 1.0 / np.maximum(squares * np.where(taken > 0, factor**2, 1.0), 1e-300)
+        gram, side = RIDGE * np.eye(size + 1), np.append(weights @ sides, weights[joint] * at_joint[-1])
+        gram[:size, :size] += np.tensordot(weights, products.grams, 1)
+        gram[:size, size] = gram[size, :size] = -weights[joint] * products.sides[joint, :, joint]
+        gram[size, size] += weights[joint] * at_joint[joint]
         scale = np.sqrt(np.diag(gram))
         found = float(np.linalg.solve(gram / np.outer(scale, scale), side / scale)[-1] / scale[-1])
         if not found > 0:

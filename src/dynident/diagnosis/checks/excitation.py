@@ -10,6 +10,7 @@ import numpy as np
 
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed
+from dynident.model.reduction import triangle_of
 
 #: Condition number with unit columns and weighted rows above which noise decides some parameters, and above which
 #: they are not determined.
@@ -33,10 +34,10 @@ class Excitation(Check):
         size = fit.base.count
         parts = []
         for (own, triangle), weight in zip(fit.triangles, weights, strict=True):
-            full = np.zeros((len(triangle), size))
-            full[:, own] = weight * triangle[:, : len(own)]
+            full = np.zeros((len(own), size))
+            full[:, own] = weight * triangle[: len(own), : len(own)]
             parts.append(full)
-        matrix = np.concatenate(parts)
+        matrix = triangle_of(np.concatenate(parts))
         norms = np.linalg.norm(matrix, axis=0)
         _, values, directions = np.linalg.svd(matrix / np.where(norms > 0, norms, 1.0), full_matrices=False)
         condition = float(values[0] / max(values[-1], 1e-300))
