@@ -72,12 +72,18 @@ def added(package: str) -> Mapping[str, tuple[EntryPoint, ...]]:
     Args:
         package: Dotted name of the folder, and of the group of entry points.
     """
-    from importlib.metadata import entry_points
-
     found: dict[str, tuple[EntryPoint, ...]] = {}
-    for point in entry_points(group=package):
+    for point in installed_entry_points().select(group=package):
         found[point.name] = (*found.get(point.name, ()), point)
     return found
+
+
+@cache
+def installed_entry_points() -> Any:
+    """Return the entry points of all groups, with ``select``: to look for one group takes as long."""
+    from importlib.metadata import entry_points
+
+    return entry_points()
 
 
 def _in_folder(package: str) -> frozenset[str]:

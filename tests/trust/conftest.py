@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dynident.model.friction import FRICTION
-from dynident.plugins import added
+from dynident.plugins import added, installed_entry_points
 
 
 @pytest.fixture
@@ -22,8 +22,10 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
         (facts / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
         (facts / "entry_points.txt").write_text(f"[{FRICTION.package}]\n{point}\n")
         added.cache_clear()
+        installed_entry_points.cache_clear()
 
     monkeypatch.syspath_prepend(tmp_path)
     yield make
     monkeypatch.undo()
     added.cache_clear()
+    installed_entry_points.cache_clear()

@@ -34,8 +34,9 @@ class Excitation(Check):
         size = fit.base.count
         parts = []
         for (own, triangle), weight in zip(fit.triangles, weights, strict=True):
-            full = np.zeros((len(own), size))
-            full[:, own] = weight * triangle[: len(own), : len(own)]
+            columns = triangle[: len(own), : len(own)]
+            full = np.zeros((len(columns), size))
+            full[:, own] = weight * columns
             parts.append(full)
         matrix = triangle_of(np.concatenate(parts))
         norms = np.linalg.norm(matrix, axis=0)

@@ -19,6 +19,9 @@ from dynident.arrays import Array
 #: Terms at most of a series or fraction, and the change below which it has settled.
 _TERMS, _SETTLED = 1_000_000, 1e-15
 
+#: A step of Newton's method below this share is the last: what it leaves is about its square.
+_NEAR = 1e-9
+
 #: Degrees of freedom above which Student's t is told from the normal by its first term alone.
 _MANY = 1e7
 
@@ -188,7 +191,7 @@ def _root(tail: Callable[[float], tuple[float, float]], wanted: float, start: fl
         after = value - step
         if not low <= after <= high:
             after = 0.5 * (low + high) if math.isfinite(high) else 2.0 * value
-        if abs(after - value) <= 4e-16 * abs(after):
+        elif abs(step) <= _NEAR * abs(after):
             return after
         value = after
     return value

@@ -270,12 +270,11 @@ class PooledLogs:
                 for part, each in zip(missing, split, strict=True):
                     rows = [[block[own] for block, own in zip(blocks, each, strict=True)] for blocks in segments]
                     made[part].append(rows)
-        found = [made[part] for part in asked]
-        sizes = {part: sum(one.nbytes for log in own for each in log for one in each) for part, own in made.items()}
-        for part in [part for part in made if part not in asked]:
-            if sum(sizes.values()) > KEPT:
-                del made[part], sizes[part]
-        return found
+            sizes = {part: sum(one.nbytes for log in own for each in log for one in each) for part, own in made.items()}
+            for part in [part for part in made if part not in set(asked)]:
+                if sum(sizes.values()) > KEPT:
+                    del made[part], sizes[part]
+        return [made[part] for part in asked]
 
     def _stream(self, whole: DynamicModel) -> RegressorStream:
         """Return what makes the rows of the friction of a model."""
