@@ -102,7 +102,7 @@ def other_bodies(robot: Robot) -> Array:
     """
     ball = Inertia.from_centre_of_mass(1.0, np.array([0.05, 0.02, 0.1]), 0.01 * np.eye(3))
     bodies = [
-        link.inertia if link.inertia is not None and (link.inertia.mass == 0 or link.inertia.defect() is None) else ball
+        link.inertia if link.inertia is not None and (link.inertia.mass == 0 or not link.inertia.defect()) else ball
         for link in robot.links
     ]
     return 1.2 * np.concatenate([body.vector for body in bodies])

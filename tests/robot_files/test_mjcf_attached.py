@@ -192,6 +192,26 @@ def test_what_is_attached_several_times_has_one_value(tmp_path: Path) -> None:
     assert [file.name for file in files] == ["out.xml", "out-hand.xml", "out-other.xml"]
 
 
+def test_a_model_of_a_part_that_is_not_attached_is_found(tmp_path: Path) -> None:
+    """MuJoCo reads it: in another folder it is found from the copy of the file that names it."""
+    aside = ARM.replace('<frame euler="0 0 30"><attach', "<attach").replace('prefix="h_"/></frame>', 'prefix="h_"/>')
+    attach = '<attach model="of hand" body="left" prefix="h_"/>'
+    aside = (
+        aside.replace(attach, "")
+        .replace("</worldbody>", f"{attach}</worldbody>")
+        .replace(' class="h_quick"', "")
+        .replace(' class="h_main"', ' size=".1"')
+    )
+    written(attached('<attach model="fore" body="fore" prefix="f_"/>', FORE), tmp_path)
+    (tmp_path / "fore" / "fore.xml").write_text(aside)
+    for folder in ("proof", "new"):
+        (tmp_path / folder).mkdir()
+    _, files = written_back(tmp_path / "arm.xml", tmp_path / "new" / "out.xml")
+    for file, data in files.items():
+        file.write_bytes(data)
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "new" / "out.xml")).nbody == 5
+
+
 def test_meshes_of_an_attached_model_are_found_beside_its_own_file(tmp_path: Path) -> None:
     mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
     hand = HAND.replace('boundmass=".4"', 'meshdir="of hand"').replace(

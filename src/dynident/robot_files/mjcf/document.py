@@ -90,6 +90,7 @@ class MjcfDocument:
         compiler: Settings of the compiler.
         gravity: Gravity, shape (3,), in m/s^2.
         texts: The bytes of each file by its path as messages call it, those of attached models too.
+        attached: The models that it or one of them attaches, by path.
         naming: The elements that include a file or name it as a model to be attached, by the path of the file.
         known: Bytes of files by their path that count in place of what is in those files.
         disabled: The ``<flag>`` elements of what is switched off, by the name of the flag.
@@ -103,6 +104,7 @@ class MjcfDocument:
     compiler: CompilerSettings
     gravity: Array
     texts: dict[str, bytes]
+    attached: dict[str, MjcfDocument]
     naming: dict[str, list[Element]]
     known: Mapping[str, bytes]
     disabled: Mapping[str, Element] = field(default_factory=dict)
@@ -121,6 +123,7 @@ class MjcfDocument:
     def take(self, inner: MjcfDocument, element: Element) -> None:
         """Count the files of a model that an element names among those of this one."""
         self.texts.update(inner.texts)
+        self.attached.update({str(inner.path): inner, **inner.attached})
         for path, elements in ((str(inner.path), [element]), *inner.naming.items()):
             known = self.naming.setdefault(path, [])
             known += [one for one in elements if all(one is not other for other in known)]
@@ -159,6 +162,7 @@ def read_document(path: object, data: bytes, known: Mapping[str, bytes] | None =
         compiler,
         np.zeros(3) if "gravity" in disabled else gravity,
         files.texts,
+        {},
         {path: [element] for path, element in files.includes.items()},
         files.known,
         disabled,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr, unescape
 
@@ -25,16 +25,11 @@ _NAMED = re.compile(r"""<(?:include|model)\s[^>]*?\bfile\s*=\s*["']([^"'/]+)["']
 
 
 class MjcfFiles:
-    """Collects the edits of each file.
+    """Collects the edits of each file of a model."""
 
-    Args:
-        document: The model.
-        attached: The models that are attached to it.
-    """
-
-    def __init__(self, document: MjcfDocument, attached: Iterable[MjcfDocument]) -> None:
+    def __init__(self, document: MjcfDocument) -> None:
         self._document = document
-        self._models = {str(one.path): one for one in (document, *attached)}
+        self._models = {str(document.path): document, **document.attached}
         self._placed: dict[str, list[PlacedElement]] = {}
         self._edits: dict[str, list[ByteEdit]] = {}
         self._names: dict[str, str] = {}

@@ -157,7 +157,7 @@ class _Writer:
     def __init__(self, model: MjcfModel) -> None:
         self._model = model
         tree = self._tree = model.tree
-        self._files = MjcfFiles(model.document, [scope.document for scope in self._tree.scopes])
+        self._files = MjcfFiles(model.document)
         self._copies = Counter(_key(one.element) for one in (*tree.sources.values(), *tree.joints.values()))
         self._written: dict[tuple[str, int], list[tuple[str, dict[str, str]]]] = {}
         settings = {_key(one): one for source in tree.sources.values() for one in source.compiler.elements}
