@@ -82,6 +82,26 @@ def test_what_only_some_stretches_ask_for_is_not_taken(planar_2r: Robot, exact_l
     assert held.value == 0.02 and held.error is not None and 0 < held.gain < 2 * held.error
 
 
+@pytest.mark.parametrize("fading", [False, True])
+def test_drives_that_differ_have_widths_of_their_own(spatial_3r: Robot, exact_log: MakeLog, fading: bool) -> None:
+    """The truth is found beside a part that may come: drives with another width have those of both."""
+    names, widths = spatial_3r.joint_names, (0.01, 0.01, 0.1)
+    dry = tuple(Coulomb(width, joints=(name,)) for name, width in zip(names, widths, strict=True))
+    faded = tuple(Stribeck(0.2, width=width, joints=(name,)) for name, width in zip(names, widths, strict=True))
+    values = [4.0, 5.0, 3.0, 0.5, 0.8, 0.5, *([3.0, 4.0, 2.0] if fading else [])]
+    log = logged(spatial_3r, (*dry, Viscous(), *(faded if fading else ())), values, exact_log, noise=0.03, samples=3000)
+    parts = (DRY, Viscous(), replace(FADING, velocity=0.2))
+    model, found = choose_fields(DynamicModel(spatial_3r, parts), rows(log))
+    kinds = [Coulomb, Coulomb, Viscous, *([Stribeck, Stribeck] if fading else [])]
+    assert [type(part) for part in model.friction] == kinds
+    for part in model.friction:
+        if part.dry_width is not None:
+            assert part.joints in (names[:2], names[2:])
+            assert part.dry_width == pytest.approx(widths[names.index(part.joints[-1])], rel=0.2)
+    (own,) = [held for held in found if held.joints == names[2:]]
+    assert (own.field, own.stated) == ("width", 0.01) and own.gain > 0.2
+
+
 def test_a_slide_has_a_width_of_its_own(sliding_arm: Robot, exact_log: MakeLog) -> None:
     hinges, slides = ("joint1", "joint3"), ("joint2",)
     truth = (Coulomb(0.1, joints=hinges), Coulomb(0.02, joints=slides), Viscous())

@@ -115,7 +115,9 @@ def choose_friction(
 def _candidates(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[Friction, ...]:
     """Return what a drive can have: the usual candidates with the widths of the model, and the parts that it has."""
     own = dict.fromkeys(_bare(part) for part in model.friction)
-    widths = [part.dry_width for part in own if part.dry_width is not None] or [WIDTH]
+    dry = [(len(model.drives_of(part)), part.dry_width) for part in model.friction if part.dry_width is not None]
+    most = max((count for count, _ in dry), default=0)
+    widths = list(dict.fromkeys(width for count, width in dry if count in (most, max(count, 2)))) or [WIDTH]
     found = [
         FRICTION.make(
             name, {**candidate.options} | ({} if candidate.width is None else {"width": width * candidate.width})

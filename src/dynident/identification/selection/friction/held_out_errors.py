@@ -12,12 +12,19 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, IntArray
+from dynident.identification.residuals.quantiles import student_quantile
 from dynident.identification.selection.friction.column_pool import ColumnPool
 from dynident.identification.selection.friction.nested_fits import NestedFits, beyond, without
 from dynident.identification.selection.friction.variable_projection import minimum
 
 #: Fewer blocks tell nothing about chance.
 FEWEST = 3
+
+#: Chance of a difference as large where there is none.
+CHANCE = 0.05
+
+#: A value that takes less than this share off the held-out error is not worth another one than the stated.
+NOTHING = 5e-3
 
 #: Least mean squared residual that is told from none, in units of its joint's own.
 TINY = 1e-12
@@ -114,7 +121,29 @@ class HeldOut:
             found = [np.append(each, own) for each, own in zip(found, last, strict=True)]
         return [np.log(np.maximum(each, TINY)) for each in found]
 
+    def by_joint(self) -> list[Array]:
+        """Return the held-out squared residuals of each, unweighted, of the blocks and joints, (B, n)."""
+        pool, found = self.weighed.pool, []
+        for _, view, keep in self._best:
+            mixed = self.weighed.blocks(view).residual(keep)
+            every = np.zeros((len(mixed), pool.size))
+            every[:, pool.views[view][np.append(keep, -1)]] = mixed
+            pairs = [(every[:, own], each) for own, each in zip(pool.places, pool.products, strict=True)]
+            found.append(np.stack([np.einsum("bi,bij,bj->b", own, each, own) for own, each in pairs], axis=1))
+        return found
+
     def finest(self, grid: Array) -> float:
         """Return the value between those of a grid that fits all rows best."""
         losses = np.array([each for each, _, _ in self._best[1:]])
         return minimum(np.log(grid), losses, float(np.sum(self.weighed.rows)))[0]
+
+
+def share_of(gaps: Array) -> tuple[float, float]:
+    """Return the share that is taken off an error and its standard error, from logarithms of its ratios (B,)."""
+    return float(-np.expm1(-np.mean(gaps))), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
+
+
+def is_better(gaps: Array, chance: float = CHANCE) -> bool:
+    """Return whether logarithms of ratios of errors (B,) are above nothing by more than chance."""
+    gain, error = share_of(gaps)
+    return gain > max(NOTHING, error * float(student_quantile(1.0 - chance, len(gaps) - 1)))

@@ -10,7 +10,7 @@ Parts that ``choose`` names as a whole are added one by one, on all their drives
 held-out error, and the shortest list is kept that the best one does not improve on by more than chance. The fastest
 rows are one more block for them: a part has to go on beyond the speeds of the fit. A part with fields of its own
 beside the width is held against its absence with their best values. Where a part is taken, all fields are chosen once
-more beside it. Signs of dry friction that are left to the logs turn over one width on the same joints. Errors of
+more beside it. Signs of dry friction that are left to the logs turn over one width on the same drive. Errors of
 blocks are compared by their ratios: a block of large torques has no more say than others.
 
 Where the delay of the torque is to be found as well, it is free in every fit: friction shows at reversals, a delay in
@@ -20,7 +20,7 @@ all that the torque does, so that neither is compared by what the other one does
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,12 +28,18 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
-from dynident.identification.residuals.quantiles import student_quantile
 from dynident.identification.selection.friction.column_pool import PooledLogs, SharedRows
-from dynident.identification.selection.friction.held_out_errors import HeldOut
+from dynident.identification.selection.friction.held_out_errors import NOTHING, HeldOut, is_better, share_of
+from dynident.identification.selection.friction.parts_by_drive import (
+    by_unit,
+    own_widths,
+    set_apart,
+    together,
+    with_value,
+)
 from dynident.identification.selection.friction.variable_projection import all_spans
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, WHOLE, Friction
+from dynident.model.friction import FRICTION, WHOLE
 
 #: Blocks of rows at least, and of logs too short for these.
 BLOCKS, OF_SHORT_LOGS = 16, 8
@@ -46,12 +52,6 @@ POLISHED = 2
 
 #: Shares of a delay of many samples that are compared, at most, beside the whole.
 MOST = 12
-
-#: Chance of a difference as large where there is none.
-CHANCE = 0.05
-
-#: A value that takes less than this share off the held-out error is not worth another one than the stated.
-NOTHING = 5e-3
 
 #: Values of a part that is left out, and of one that is there.
 _ABSENT, _THERE = 0.0, 1.0
@@ -88,7 +88,7 @@ def choose_fields(
     Raises:
         BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
     """
-    pieces = [_by_unit(model, part) if set(part.choose or ()) - {WHOLE} else (part,) for part in model.friction]
+    pieces = [by_unit(model, part) if set(part.choose or ()) - {WHOLE} else (part,) for part in model.friction]
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
     shared = SharedRows(logs) if shared is None else shared
     logs = shared.under(logs)
@@ -104,8 +104,8 @@ def choose_fields(
     decided = search.with_linear_parts()
     if any(held.value == _THERE for held in decided.values()):
         found |= search.fields()
-    for p in search.absent:
-        if p not in decided:
+    for p in range(len(model.friction)):
+        if p in search.absent and p not in decided:
             decided[p] = search.with_part(p)
             if decided[p].value == _THERE:
                 found |= search.fields()
@@ -116,8 +116,9 @@ def choose_fields(
     if dropped or any(held.value == _THERE for held in decided.values()):
         found = search.polished(found)
     found |= {(p, WHOLE): held for p, held in decided.items()}
-    kept = tuple(part for p, part in enumerate(search.model.friction) if p not in search.absent)
-    return replace(model, friction=kept), tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
+    there = sorted((p for p in range(len(search.heads)) if p not in search.absent), key=lambda p: search.heads[p])
+    told = sorted([(key[0], held) for key, held in found.items()] + search.apart, key=lambda each: each[0])
+    return replace(model, friction=tuple(search.model.friction[p] for p in there)), tuple(held for _, held in told)
 
 
 def predicts_better(
@@ -143,7 +144,7 @@ def predicts_better(
         parts = [[p for p, part in enumerate(each.friction) if drive in each.drives_of(part)] for drive in drives]
         weights = pool.weights(parts) if weights is None else weights
         found += HeldOut.of(pool, parts, [parts], weights).errors(fastest=False)
-    gain, error = _share(found[0] - found[1])
+    gain, error = share_of(found[0] - found[1])
     better = gain > NOTHING
     told = (WHOLE, _ABSENT, _THERE if gain > 0 else _ABSENT, float(better), gain, error)
     parts = [part for part in model.friction if part.lags and part.is_optional]
@@ -156,29 +157,14 @@ def _shares_of_delay(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[flo
     return tuple(np.linspace(1.0, 0.0, min(int(np.ceil(longest)), MOST) + 1)) if longest else (1.0,)
 
 
-def _by_unit(model: DynamicModel, part: Friction) -> tuple[Friction, ...]:
-    """Return a part once for its revolute and once for its prismatic joints: a speed in rad/s is none in m/s."""
-    own = [model.robot.active[drive] for drive in model.drives_of(part)]
-    kinds = dict.fromkeys(joint.kind for joint in own)
-    if len(kinds) < 2:
-        return (part,)
-    return tuple(replace(part, joints=tuple(joint.name for joint in own if joint.kind == kind)) for kind in kinds)
-
-
-def _with_value(model: DynamicModel, group: Sequence[int], name: str, value: float) -> DynamicModel:
-    """Return the model with another value of a field of some parts."""
-    parts = list(model.friction)
-    for p in group:
-        parts[p] = replace(parts[p], **{name: value})
-    return replace(model, friction=tuple(parts))
-
-
 class _FieldSearch:
     """The model as far as it is chosen.
 
     Attributes:
         model: All parts, with the values taken so far.
         absent: Places of the parts that are not there so far.
+        heads: Of each part, the place of the stated one that it is of; those of drives set apart are last.
+        apart: What the logs say about the width of such drives, with the place of the part.
     """
 
     def __init__(
@@ -190,6 +176,7 @@ class _FieldSearch:
     ) -> None:
         self.model, self.stated = model, model
         self.absent = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
+        self.heads, self.apart = tuple(range(len(model.friction))), list[tuple[int, FieldChoice]]()
         self._pooled, self._spans, self._progress = pooled, spans, progress
 
     @property
@@ -215,13 +202,13 @@ class _FieldSearch:
             grid = np.geomspace(max(found[key].value / step, low), min(found[key].value * step, high), FINE)
             there = [own for own in self._group(p, name) if own not in self.absent]
             best = self._tried(there, name, grid).finest(grid)
-            self.model = _with_value(self.model, there, name, best)
+            self.model = with_value(self.model, there, name, best)
             found[key] = replace(found[key], best=best, value=best)
         return found
 
     def with_linear_parts(self) -> dict[int, FieldChoice]:
         """Put the absent parts there that have no field of their own beside a width and that held-out rows ask for."""
-        linear = [p for p in self.absent if not self._own_fields(p)]
+        linear = [p for p in self.absent if self.heads[p] == p and not self._own_fields(p)]
         for p in linear:
             self._share_width(p)
         present = [p for p in range(len(self.model.friction)) if p not in self.absent]
@@ -235,7 +222,7 @@ class _FieldSearch:
             return {p: self._told(p, False, None) for p in linear}
 
         def errors_of(added: Sequence[tuple[int, ...]]) -> list[Array]:
-            return tried.with_parts([self._drives((*present, *extra)) for extra in added]).errors()
+            return tried.with_parts([self._drives((*present, *self._of(extra))) for extra in added]).errors()
 
         path, scores = list[tuple[int, ...]]([()]), errors_of([()])
         while left := [p for p in linear if p not in path[-1]]:
@@ -246,34 +233,35 @@ class _FieldSearch:
             scores.append(errors[k])
         lowest = scores[int(np.argmin([np.mean(each) for each in scores]))]
         gaps = [each - lowest for each in scores]
-        chosen = next(own for own, gap in zip(path, gaps, strict=True) if not _is_better(gap))
+        chosen = next(own for own, gap in zip(path, gaps, strict=True) if not is_better(gap))
         others = [tuple(q for q in linear if (q in chosen) != (q == p)) for p in linear]
         first, *errors = errors_of([chosen, *others])
-        self.absent = tuple(p for p in self.absent if p not in chosen)
+        self.absent = tuple(p for p in self.absent if self.heads[p] not in chosen)
         gaps = [(each - first) * (1.0 if p in chosen else -1.0) for p, each in zip(linear, errors, strict=True)]
         return {p: self._told(p, p in chosen, own) for p, own in zip(linear, gaps, strict=True)}
 
     def without_stand_ins(self) -> dict[int, FieldChoice]:
         """Leave out again what was taken before a part that remembers and says nothing beside it."""
         present = [p for p in range(len(self.model.friction)) if p not in self.absent]
-        open_ones = [p for p in present if self.model.friction[p].is_optional and not self.model.friction[p].lags]
+        heads = dict.fromkeys(self.heads[p] for p in present)
+        open_ones = [p for p in heads if self.model.friction[p].is_optional and not self.model.friction[p].lags]
         dropped: dict[int, FieldChoice] = {}
         if not open_ones or not any(self.model.friction[p].lags for p in present):
             return dropped
         pool, full = self._pooled.pool(self.model.friction), self._drives(present)
-        tried = HeldOut.of(pool, full, [self._drives([p for p in present if p not in open_ones])])
+        tried = HeldOut.of(pool, full, [self._drives([p for p in present if self.heads[p] not in open_ones])])
         while open_ones:
             first, *others = tried.with_parts(
-                [self._drives([q for q in present if q != p]) for p in (None, *open_ones)]
+                [self._drives([q for q in present if self.heads[q] != p]) for p in (None, *open_ones)]
             ).errors()
             gaps = [each - first for each in others]
             k = int(np.argmin([np.mean(gap) for gap in gaps]))
-            if _is_better(gaps[k]):
+            if is_better(gaps[k]):
                 break
             p = open_ones.pop(k)
             dropped[p] = self._told(p, False, gaps[k])
-            present.remove(p)
-        self.absent = tuple(sorted((*self.absent, *dropped)))
+            present = [q for q in present if self.heads[q] != p]
+        self.absent = tuple(sorted((*self.absent, *self._of(dropped))))
         return dropped
 
     def _told(self, p: int, is_taken: bool, gaps: Array | None) -> FieldChoice:
@@ -282,7 +270,7 @@ class _FieldSearch:
         about = (FRICTION.name_of(part), part.joints, WHOLE, _ABSENT)
         if gaps is None:
             return FieldChoice(*about, _ABSENT, _ABSENT, 0.0, None)
-        gain, error = _share(gaps)
+        gain, error = share_of(gaps)
         return FieldChoice(*about, _THERE if is_taken or gain > 0 else _ABSENT, float(is_taken), gain, error)
 
     def _own_fields(self, p: int) -> list[str]:
@@ -294,7 +282,11 @@ class _FieldSearch:
         for shared in self._group(p, "width") if (p, "width") in self._spans else ():
             if shared not in self.absent:
                 width = self.model.friction[shared].options["width"]
-                self.model = _with_value(self.model, [p], "width", width)
+                self.model = with_value(self.model, [p], "width", width)
+
+    def _of(self, heads: Iterable[int]) -> list[int]:
+        """Return the places of stated parts and of those for drives of a width of their own."""
+        return [p for p, head in enumerate(self.heads) if head in heads]
 
     def _drives(self, parts: Sequence[int]) -> list[list[int]]:
         """Return which of some parts each drive has."""
@@ -308,22 +300,22 @@ class _FieldSearch:
         self._share_width(p)
         name = self._own_fields(p)[0]
         grid = np.geomspace(*self._spans[p, name], COARSE)
-        tried = self._tried((p,), name, grid)
+        tried = self._tried(self._of([p]), name, grid)
         if not tried.tells:
             return self._told(p, False, None)
         first, *others = tried.errors()
         k = int(np.argmin([np.mean(each) for each in others]))
         gaps = first - others[k]
-        if better := _is_better(gaps):
-            self.absent = tuple(other for other in self.absent if other != p)
-            self.model = _with_value(self.model, [p], name, float(grid[k]))
+        if better := is_better(gaps):
+            self.absent = tuple(other for other in self.absent if self.heads[other] != p)
+            self.model = with_value(self.model, self._of([p]), name, float(grid[k]))
         return self._told(p, better, gaps)
 
     def _group(self, p: int, name: str) -> tuple[int, ...]:
         """Return the parts whose fields have one value: signs of dry friction on the same joints, stated alike."""
         part = self.stated.friction[p]
         if name != "width":
-            return (p,)
+            return tuple(self._of([p]))
         alike = (part.joints, getattr(part, name, None))
         return tuple(
             other
@@ -333,27 +325,57 @@ class _FieldSearch:
 
     def _chosen(self, group: tuple[int, ...], name: str, span: tuple[float, float]) -> FieldChoice:
         """Return what the logs say about one field of some parts, all else as it is in the model, and take it."""
+        if name == "width":
+            joints = self.stated.friction[group[0]].joints
+            self.model, self.absent, self.heads = together(self.model, self.absent, self.heads, group, joints)
+            self.apart = [each for each in self.apart if each[0] != group[0]]
         there = [p for p in group if p not in self.absent]
-        part = self.stated.friction[there[0]]
-        labels = ", ".join(FRICTION.name_of(self.model.friction[p]) for p in there)
-        stated = float(getattr(part, name))
+        labels = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in there))
+        stated = float(getattr(self.stated.friction[there[0]], name))
         self._progress(f"friction: {labels} {name} on held-out samples")
-        about = (labels, part.joints, name, stated)
-        self.model = _with_value(self.model, there, name, stated)
+        about = (labels, self.stated.friction[there[0]].joints, name, stated)
+        self.model = with_value(self.model, there, name, stated)
         grid = np.geomspace(*span, COARSE)
         tried = self._tried(there, name, grid)
         if not tried.tells:
             return FieldChoice(*about, stated, stated, 0.0, None)
         first, *others = tried.errors(fastest=False)
-        k = int(np.argmin([np.mean(each) for each in others]))
-        gain, error = _share(first - others[k])
-        if not _is_better(first - others[k]):
-            return FieldChoice(*about, float(grid[k]), stated, gain, error)
-        self.model = _with_value(self.model, there, name, float(grid[k]))
-        grid = np.geomspace(grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)], FINE)
-        best = self._tried(there, name, grid).finest(grid)
-        self.model = _with_value(self.model, there, name, best)
-        return FieldChoice(*about, best, best, gain, error)
+        k, value = int(np.argmin([np.mean(each) for each in others])), stated
+        gain, error = share_of(first - others[k])
+        if is_taken := is_better(first - others[k]):
+            self.model = with_value(self.model, there, name, float(grid[k]))
+            fine = np.geomspace(grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)], FINE)
+            value = self._tried(there, name, fine).finest(fine)
+            self.model = with_value(self.model, there, name, value)
+        if name == "width":
+            errors = tried.by_joint()
+            self._set_apart(group, labels, stated, grid, [errors[k + 1 if is_taken else 0], *errors[1:]])
+        return FieldChoice(*about, value if is_taken else float(grid[k]), value, gain, error)
+
+    def _set_apart(self, group: Sequence[int], label: str, stated: float, grid: Array, errors: Sequence[Array]) -> None:
+        """Give drives widths of their own where held-out samples ask for them and the model is better with all."""
+        model, every = self.model, range(self.model.robot.dof)
+        if not (own := own_widths(model, model.drives_of(model.friction[group[0]]), label, stated, grid, errors)):
+            return
+        widths = {drive: held.value for drive, held in own.items()}
+        split, absent, heads = set_apart(model, self.absent, self.heads, group, widths)
+        before = [part for p, part in enumerate(model.friction) if p not in self.absent]
+        parts = [*before, *(part for p, part in enumerate(split.friction) if p not in absent)]
+        acts, ends = [set(model.drives_of(part)) for part in parts], (0, len(before), len(parts))
+        pairs = [range(*pair) for pair in itertools.pairwise(ends)]
+        sets = [[[place for place in pair if drive in acts[place]] for drive in every] for pair in pairs]
+        if is_better(np.subtract(*HeldOut.of(self._pooled.pool(parts), sets[0], sets).errors(fastest=False))):
+            self.model, self.absent, self.heads = split, absent, heads
+            self.apart += [(group[0], self._finer(group, held, grid)) for held in own.values()]
+
+    def _finer(self, group: Sequence[int], held: FieldChoice, grid: Array) -> FieldChoice:
+        """Return what the logs say about the width of a drive set apart, found to a finer step and taken."""
+        own = [p for p in self._of(group) if self.model.friction[p].joints == held.joints]
+        step = (grid[-1] / grid[0]) ** (2.0 / (len(grid) - 1))
+        fine = np.geomspace(max(held.value / step, grid[0]), min(held.value * step, grid[-1]), FINE)
+        best = self._tried([p for p in own if p not in self.absent], "width", fine).finest(fine)
+        self.model = with_value(self.model, own, "width", best)
+        return replace(held, best=best, value=best)
 
     def _tried(self, group: Sequence[int], name: str, grid: Array) -> HeldOut:
         """Return the model with values of a field of some parts; of one that is absent, it with each beside itself."""
@@ -374,14 +396,3 @@ class _FieldSearch:
         sets = [columns(value) for value in (None, *range(len(grid)))]
         tried = HeldOut.of(pool, sets[0], sets)
         return tried.with_parts(sets) if any(p in self.absent for p in group) else tried
-
-
-def _share(gaps: Array) -> tuple[float, float]:
-    """Return the share that is taken off an error and its standard error, from logarithms of its ratios (B,)."""
-    return float(-np.expm1(-np.mean(gaps))), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
-
-
-def _is_better(gaps: Array) -> bool:
-    """Return whether logarithms of ratios of errors (B,) are above nothing by more than chance."""
-    gain, error = _share(gaps)
-    return gain > max(NOTHING, error * float(student_quantile(1.0 - CHANCE, len(gaps) - 1)))

@@ -26,13 +26,13 @@ class NestedFits:
     def __init__(self, learned: Array, judged: Array, shared: int) -> None:
         size = np.sqrt(np.diagonal(learned, axis1=1, axis2=2)[:, :-1])
         scale = np.where(size > 0, size, 1.0)
-        self.shared, self._scale = shared, scale[:, shared:]
+        self.shared, self._first, self._scale = shared, scale[:, :shared], scale[:, shared:]
         scale = np.append(scale, np.ones((len(scale), 1)), axis=1)
         square = scale[:, :, None] * scale[:, None]
         normal = learned / square
         np.einsum("bkk->bk", normal)[:, :-1] += RIDGE + (size == 0)
         beside = normal[:, :shared, shared:]
-        along = np.linalg.solve(normal[:, :shared, :shared], beside)
+        self._along = along = np.linalg.solve(normal[:, :shared, :shared], beside)
         self._normal = normal[:, shared:, shared:] - beside.transpose(0, 2, 1) @ along
         judged = judged / square
         own = along.transpose(0, 2, 1) @ (0.5 * judged[:, :shared, :shared] @ along - judged[:, :shared, shared:])
@@ -42,6 +42,13 @@ class NestedFits:
         """Return the coefficients of the columns ``keep`` (k,) behind the shared ones, shape (B, k - shared)."""
         own = keep[self.shared :] - self.shared
         return self._scaled(own) / self._scale[:, own]
+
+    def residual(self, keep: IntArray) -> Array:
+        """Return the coefficients of all columns ``keep`` (k,), and -1 for the torque, shape (B, k + 1)."""
+        own = keep[self.shared :] - self.shared
+        mixed = np.append(self._scaled(own), np.full((len(self._left), 1), -1.0), axis=1)
+        first = -(self._along[:, :, np.append(own, -1)] @ mixed[:, :, None])[:, :, 0] / self._first
+        return np.concatenate([first, mixed[:, :-1] / self._scale[:, own], mixed[:, -1:]], axis=1)
 
     def losses(self, keep: IntArray) -> Array:
         """Return the sum of squared residuals of each block by the columns ``keep`` (k,), shape (B,)."""
