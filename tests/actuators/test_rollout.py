@@ -13,7 +13,8 @@ from dynident.actuators.drive_law import preset
 from dynident.actuators.joint_load import measured_loads
 from dynident.actuators.output_error import ServoProblem
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
-from dynident.actuators.rollout import NONE, STEP, JointRecord, record_of, rolled_out
+from dynident.actuators.rollout import FIRST, NONE, STEP, JointRecord, record_of, rolled_out, started
+from dynident.actuators.rollout_loop import START_Q, START_V
 from dynident.actuators.verdict import known_parameters, spread_of
 from dynident.model.robot import Robot
 
@@ -163,3 +164,32 @@ def test_intervals_hold_where_a_joint_rests_between_two_readings(robot: Robot) -
         holds.append(np.abs(moved) <= halves)
     shares = np.mean(holds, axis=0)
     assert shares.mean() >= 0.93 and shares.min() >= 0.75, dict(zip(free, shares, strict=True))
+
+
+@pytest.mark.parametrize("place", [START_Q, START_V], ids=["position", "velocity"])
+def test_derivatives_by_the_start_are_those_of_finite_differences(records: list[JointRecord], place: int) -> None:
+    record, at = records[0].part(40, 200), NONE.copy()
+    at[[place, PLACE["coulomb"]]] = 0, 1
+    exact = rolled_out(record, parameters(), at).slopes[:, 0]
+    step = 1e-7 * np.eye(2)[place - START_Q]
+    sides = [rolled_out(replace(record, start=record.start + sign * step), parameters()).q for sign in (1.0, -1.0)]
+    np.testing.assert_allclose(exact, (sides[0] - sides[1]) / 2e-7, atol=1e-4 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("first", [100, 560], ids=["slow", "fast"])
+def test_a_log_that_begins_in_motion_is_started_at_its_speed(records: list[JointRecord], first: int) -> None:
+    """The commands before the first sample are not known; what they still do is over within the delay."""
+    true = parameters()
+    whole = rolled_out(records[0], true)
+    part = records[0].part(first, len(whole.q))
+    for samples, most in ((None, 0.05), (FIRST, 0.15)):
+        found = started(part, true, samples)
+        assert abs(found.start[1] - whole.dq[first]) < most, (found.start, whole.dq[first], part.says)
+        assert np.mean(np.abs(rolled_out(found, true).q - part.q)) < 1e-3
+    assert abs(whole.dq[first]) > 1.0
+
+
+def test_what_a_model_lacks_does_not_move_the_start(records: list[JointRecord]) -> None:
+    """The reads say within 2 mrad where the pendulum began; errors by friction are many times that."""
+    found = started(records[0], parameters(coulomb=0.3, viscous=0.2))
+    assert abs(found.start[0] - records[0].q[0]) < 2e-3 and abs(found.start[1]) < 0.2

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynident.actuators.arm_fit import arm_loads
+from dynident.actuators.arm_motion import arm_loads
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.parameters import PLACE
-from dynident.actuators.rollout import mean_error, record_of, rolled_out
+from dynident.actuators.rollout import FIRST, mean_error, record_of, rolled_out, started
 from dynident.actuators.servo_log import ServoLog, check_gains, is_outside
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
@@ -94,7 +94,7 @@ def followed(
             held = (np.ptp(log.q_ref, axis=0) < _HELD) & log.enabled.all(axis=0)
             if held[k] and not held.all():
                 continue
-            record = record_of(log, k, load[k], actuator.law)
+            record = started(record_of(log, k, load[k], actuator.law), actuator.parameters, FIRST)
             predicted = rolled_out(record, actuator.parameters).q
             by_model = None if nominal is None else rolled_out(record, nominal).q
             found.append(

@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.actuators.arm_fit import FEW_TURNS, Arm, finished, settled, turned
+from dynident.actuators.arm_coupling import Arm
+from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, finished, settled, turned
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
 from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit, richer_fit
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
 from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
-from dynident.actuators.parameters import PLACE
-from dynident.actuators.rollout import STEP, JointRecord, mean_errors, record_of, rolled_out
+from dynident.actuators.parameters import PLACE, with_zero
+from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, rolled_out, started
 from dynident.actuators.servo_log import ServoLog, ServoSetup, check_gains, is_outside, kp_values
 from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters
 from dynident.arrays import Array
@@ -68,7 +69,7 @@ def identify_actuators(
         if not (data.has_off or law.controls_torque):  # viscous friction stands for back-EMF too
             data = data.while_on()
         datas.append(data)
-    arm = Arm(robots, measured, ends, motions, datas, [], np.zeros(robot.dof))
+    arm = Arm(robots, measured, ends, motions, datas, [], [])
     arm, spreads = finished(_fitted(arm, _first_logs(train, robot.dof), setup.friction, progress), progress)
     joints = [_answer(*each, kp) for each in zip(arm.datas, arm.fits, spreads, strict=True)]
     return ActuatorEstimate(robot.name, tuple(joints))
@@ -91,7 +92,8 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
     arm, part = (
         replace(one, datas=[at_ratio(*each) for each in zip(one.datas, ratios, strict=True)]) for one in (arm, part)
     )
-    part = settled(replace(part, fits=fits), progress)
+    used = [with_zero(fit.parameters, 0.0) for fit in fits]  # the measured motion has no zeros
+    part = settled(replace(part, fits=fits, used=used), progress, most=MOST_TURNS if friction == "m1" else FIRST_TURNS)
     if friction != "m1":
         pairs = list(zip(part.datas, part.fits, strict=True))
         fits = [richer_fit(*each, friction, effort, progress, from_fit=len(pairs) > 1) for each in pairs]
@@ -99,7 +101,13 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
     if len(part.fits) == 1:
         return replace(arm, fits=part.fits)
     progress("motion of the whole arm in all logs")
-    return settled(turned(arm, part.fits, part.zeros), progress, 0, FEW_TURNS)
+    motions, zeros = list(arm.motions), [own[PLACE["angle_offset"]] for own in part.used]
+    for k, motion in zip(first, part.motions, strict=True):
+        motions[k] = replace(motion, q=motion.q - zeros)
+    used = [with_zero(own, 0.0) for own in part.used]
+    arm = replace(arm, motions=motions, fits=part.fits, used=used)
+    arm = turned(arm, part.fits)
+    return arm if len(first) == len(arm.datas[0].train) else settled(arm, progress, 0, FEW_TURNS)
 
 
 def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...]) -> JointActuator:
@@ -112,6 +120,7 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
         known = tuple(one.scaled(fit.ratio) if one.name == "gain_ratio" else one for one in known)
     saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
     known, combinations = _known_together(data, known, parameters, "gain_ratio" in fit.free, kp)
+    test = [started(one, fit.parameters, FIRST) for one in data.test]
     return JointActuator(
         name=data.name,
         law=data.law,
@@ -123,8 +132,8 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
         linear=linear,
         simple=simple,
         train=_errors(data.train, fit.parameters),
-        test=_errors(data.test, fit.parameters),
-        linear_test=_errors(data.test or data.train, fit.linear),
+        test=_errors(test, fit.parameters),
+        linear_test=_errors(test or data.train, fit.linear),
         folds=fit.folds,
         saturated=saturated,
         remarks=_remarks(data, kp),

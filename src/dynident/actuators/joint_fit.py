@@ -13,7 +13,7 @@ from dynident.actuators.joint_load import JointLoad
 from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, linear_start, refinable, start_at
 from dynident.actuators.output_error import RefineEffort, ServoProblem, output_error, refined, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
-from dynident.actuators.rollout import JointRecord, rolled_out
+from dynident.actuators.rollout import SEARCH_STEP, JointRecord, rolled_out, started
 from dynident.actuators.servo_log import AUTO
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
@@ -64,6 +64,10 @@ class JointData:
     def part(self, logs: Sequence[int]) -> JointData:
         """Return the joint in some of the training logs."""
         return replace(self, train=tuple(self.train[k] for k in logs), test=(), rows=tuple(self.rows[k] for k in logs))
+
+    def started(self, parameters: Array) -> JointData:
+        """Return the joint with the training logs started where roll-outs follow them best."""
+        return replace(self, train=tuple(started(one, parameters, longest=SEARCH_STEP) for one in self.train))
 
     def while_on(self) -> JointData:
         """Return the joint with training samples counted only where the drive is on; all of a log where it never is."""

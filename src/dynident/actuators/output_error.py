@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from dynident.actuators.parameters import COUNT, PARAMETERS, PLACE, FrictionModel
-from dynident.actuators.rollout import SEARCH_STEP, STEP, JointRecord, rolled_out
+from dynident.actuators.parameters import PARAMETERS, PLACE, FrictionModel
+from dynident.actuators.rollout import NONE, SEARCH_STEP, STEP, JointRecord, from_best_start, rolled_out, started
+from dynident.actuators.rollout_loop import START_Q, START_V
 from dynident.arrays import Array, IntArray
 from dynident.errors import SolverFailed
 
@@ -20,6 +21,10 @@ SHOOTING_S = 1.0
 
 #: Starts whose results on intervals differ by less than this share of each parameter go on as one.
 _ALIKE = 0.05
+
+#: Errors count by their size from this many medians on, two standard deviations, where the start is near the answer:
+#: from the median on, errors of an encoder's step would be spread 1.3 times as far as least squares spreads them.
+_NEAR = 3.0
 
 #: Least root mean square error of a log, as a share of their median, that its weight goes by.
 _LEAST_SHARE = 0.5
@@ -91,11 +96,15 @@ class ServoProblem:
         return parameters
 
     def columns(self) -> IntArray:
-        """Return the column of the derivatives by each parameter, shape (COUNT,); equal parameters share one."""
-        found = np.full(COUNT, -1)
+        """Return the column of the derivatives by each parameter, shape (COUNT + 2,); equal parameters share one.
+
+        The last two are position and velocity at the start.
+        """
+        found = NONE.copy()
         found[self.places] = np.arange(len(self.free))
         for tied, other in self.friction.tied:
             found[PLACE[tied]] = found[PLACE[other]]
+        found[[START_Q, START_V]] = len(self.free), len(self.free) + 1
         return found
 
     def bounds(self) -> tuple[Array, Array]:
@@ -107,18 +116,26 @@ class ServoProblem:
         """Return the sizes of typical changes, shape (f,)."""
         return np.array([PARAMETERS[place].scale for place in self.places])
 
+    def started(self, parameters: Array) -> ServoProblem:
+        """Return the problem with each log started where its roll-out follows it best."""
+        return replace(self, records=tuple(started(one, parameters, longest=self.longest) for one in self.records))
+
     def residuals(self, parameters: Array) -> list[Array]:
         """Return the errors in rad, log by log."""
         runs = [(record, rolled_out(record, parameters, longest=self.longest).q) for record in self.records]
         return [(q - record.q)[record.used] for record, q in runs]
 
     def errors(self, parameters: Array) -> tuple[list[Array], list[Array]]:
-        """Return the errors in rad and their derivatives by the free parameters, log by log."""
+        """Return the errors in rad and their derivatives by the free parameters, log by log.
+
+        Both are less what position and velocity at the start of each log explain.
+        """
         errors, slopes, columns = [], [], self.columns()
         for record in self.records:
             run = rolled_out(record, parameters, columns, self.longest)
-            errors.append((run.q - record.q)[record.used])
-            slopes.append(run.slopes[record.used])
+            error, slope, _ = from_best_start(record, (run.q - record.q)[record.used], run.slopes[record.used])
+            errors.append(error)
+            slopes.append(slope)
         return errors, slopes
 
 
@@ -186,8 +203,9 @@ def output_error(
     passes = [(problem, effort.many)] * (effort.reweights if is_weighted else 0)
     passes += [(problem.finely, effort.finish)] if effort.finish else []
     for one, most in passes:
-        weights = log_weights(problem, best[0]) if is_weighted else None
-        values, cost, count = _refined(one, best[0], loss_scale, most, weights)
+        own = one.started(best[0])
+        weights = log_weights(own, best[0]) if is_weighted else None
+        values, cost, count = _refined(own, best[0], loss_scale, most, weights)
         evaluations += count
         best = (values, cost, best[2])
     return ServoFit(best[0], best[1], best[2], evaluations, tuple(costs))
@@ -196,7 +214,7 @@ def output_error(
 def refined(problem: ServoProblem, start: Array, most: int) -> Array:
     """Return the output error from a start that is near it, shape (COUNT,), by at most some evaluations."""
     weights = log_weights(problem, start) if len(problem.records) > 2 else None
-    return _refined(problem, start, _loss_scale(problem, start), most, weights)[0]
+    return _refined(problem, start, _NEAR * _loss_scale(problem, start), most, weights)[0]
 
 
 def _loss_scale(problem: ServoProblem, parameters: Array) -> float:

@@ -70,6 +70,13 @@ def neutral() -> Array:
     return values
 
 
+def with_zero(parameters: Array, zero: float) -> Array:
+    """Return parameters (COUNT,) with another angle offset, in rad."""
+    found = parameters.copy()
+    found[PLACE["angle_offset"]] = zero
+    return found
+
+
 @dataclass(frozen=True)
 class FrictionModel:
     """Which friction parameters are free, and which are equal.

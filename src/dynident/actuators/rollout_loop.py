@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from dynident.actuators.parameters import PLACE
+from dynident.actuators.parameters import COUNT, PLACE
 from dynident.arrays import Array, IntArray
 from dynident.model.kernels.jit import compiled
 
@@ -23,6 +23,9 @@ COLUMNS = 6
 
 #: Columns of the load: inertia, and the bias torque c0 + c1 cos q + c2 sin q.
 LOADS = 4
+
+#: Places of position and velocity at the first sample behind the parameters, where their derivatives are asked for.
+START_Q, START_V = COUNT, COUNT + 1
 
 #: Entries of the work array ``now`` of one step: drive, friction budget, step.
 (
@@ -343,8 +346,7 @@ def roll_out(
     J v' = K u + tau_e - (d + Fv) v - f with |f| <= F, of second order in the step h: a drift of h / 2 at the velocity
     (Strang 1968), the velocity under the forces there, its damping by the exponential, and another drift. A joint that
     comes to rest within the step is held where F can; else friction turns its sign at that moment. A goal that jumps
-    within the step counts before and after it by their shares, a ramp by its mean. F is the friction budget of
-    FRICTION_MODELS in the middle of the step.
+    within the step counts before and after it by their shares, a ramp by its mean. F is that in the step's middle.
 
     Args:
         p: Parameters in the order of PARAMETERS, shape (COUNT,).
@@ -353,8 +355,8 @@ def roll_out(
         law: Duty per rad of error, duty limit, dead zone in rad, punch (duty added outside the dead zone), shape (4,).
         start: Position and velocity at the first sample, shape (2,).
         longest: Longest step in s.
-        at: Column of the derivatives by each parameter, shape (COUNT,): parameters that are equal share one; -1
-            where the derivative is not asked for.
+        at: Column of the derivatives by each parameter, and by position and velocity at the first sample, shape
+            (COUNT + 2,): parameters that are equal share one; -1 where the derivative is not asked for.
         out: Positions and velocities at the samples, 1 where the duty was at its limit in the interval after a
             sample, and the derivatives of the positions, shape (N, 3 + f); written.
     """
@@ -362,6 +364,7 @@ def roll_out(
     now, parts = np.zeros(_ENTRIES), len(loads) // max(len(samples) - 1, 1)
     now[_GOAL], now[_LAST_V], now[_LAST_H] = samples[0, 1], v, math.inf
     slopes = np.zeros((_ROWS, count + 1))
+    slopes[0, at[START_Q]] = slopes[1, at[START_V]] = 1.0
     for k in (_COULOMB_S, _LMS, _LES, _LMQ, _LEQ):  # without these no part of the friction fades with the speed
         now[_HAS_FADE] = 1.0 if p[k] != 0.0 or at[k] >= 0 else now[_HAS_FADE]
     for i in range(len(samples)):

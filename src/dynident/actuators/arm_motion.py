@@ -1,0 +1,148 @@
+"""The motion of an arm by the roll-outs of all its joints, and the loads that follow from it.
+
+Each joint is rolled out along the motion of the others, found before: waveform relaxation (Lelarasmee, Ruehli and
+Sangiovanni-Vincentelli 1982). Logged positions are coarse in time and in angle and count from the encoder's zero; the
+load of a joint wants accelerations, and the angles that the robot model means.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dynident.actuators.drive_law import DriveLaw
+from dynident.actuators.joint_load import (
+    FINE_LOAD_STEP,
+    ArmMotion,
+    JointLoad,
+    MeasuredMotion,
+    between,
+    bias_of,
+    carrying,
+    divided,
+    inertias_of,
+    joint_loads,
+    load_times,
+    measured_loads,
+    measured_motion,
+    motion_at,
+)
+from dynident.actuators.parameters import PLACE
+from dynident.actuators.rollout import JointRecord, record_of, rolled_out
+from dynident.actuators.servo_log import ServoLog
+from dynident.actuators.verdict import encoder_step
+from dynident.arrays import Array
+from dynident.model.robot import Robot
+
+#: Passes over the joints in each turn, and where no turn follows.
+_SWEEPS, _ALL_SWEEPS = 2, 4
+
+#: Passes over the joints of an arm that is let go, at most, and the change of an angle in rad at which they agree.
+_MOST_SWEEPS, _AGREED = 100, 1e-5
+
+
+def relaxed(
+    robot: Robot,
+    joints: Sequence[tuple[JointRecord, Array, float]],
+    measured: MeasuredMotion,
+    motion: ArmMotion,
+    ends: Array,
+    sweeps: int = _SWEEPS,
+    is_free: bool = False,
+) -> ArmMotion:
+    """Return the motion of an arm in one log by the roll-outs of its joints, and what these leave, filtered.
+
+    One joint after the other, each under the load of what is known by then (Gauss-Seidel): as the mass matrix is
+    positive definite, the accelerations come to agree however strongly joints are coupled.
+
+    Args:
+        robot: Of n joints.
+        joints: Each joint in the log, its parameters, shape (COUNT,), and the angle at which its encoder reads zero.
+        measured: The measured motion, with its filter.
+        motion: What is known of the motion so far.
+        ends: Ends of the parts of the load, shape (K + 1,), in s.
+        sweeps: Passes over the joints.
+        is_free: Whether what the roll-outs leave of the positions is no part of the motion.
+    """
+    columns = [motion.q.copy(), motion.dq.copy(), motion.ddq.copy()]
+    for _ in range(sweeps):
+        inertias = inertias_of(robot, ArmMotion(motion.time, *columns))
+        for joint, (record, own, zero) in enumerate(joints):
+            bias = bias_of(robot, ArmMotion(motion.time, *columns), joint)
+            load = JointLoad(motion.time, inertias[:, joint], bias)
+            parts = joint_motion(record.under(load), own, None if is_free else measured, ends)
+            if np.isfinite(parts[0]).all():
+                for column, part, offset in zip(columns, parts, (zero, 0.0, 0.0), strict=True):
+                    column[:, joint] = part + offset
+    return ArmMotion(motion.time, *columns)
+
+
+def joint_motion(record: JointRecord, own: Array, measured: MeasuredMotion | None, ends: Array) -> Sequence[Array]:
+    """Return reading, velocity and acceleration of a joint in the parts of its load, each (K,).
+
+    Args:
+        record: The joint in the log.
+        own: Its parameters, shape (COUNT,).
+        measured: With its filter, where what the roll-out leaves of the positions is part of the motion; else None.
+        ends: Ends of the parts of the load, shape (K + 1,), in s.
+    """
+    step, time = np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
+    model = rolled_out(record.finely(ends), own)
+    found = [0.5 * (model.q[1:] + model.q[:-1]), np.diff(model.q) / step, np.diff(model.dq) / step]
+    if measured is None or not np.isfinite(model.q).all():
+        return found
+    stamps = record.samples[record.read, 0]
+    rolled = model.q[:: len(step) // (len(record.q) - 1)]
+    left = beyond_noise(record.q - rolled, record)[record.read, None]
+    rest = measured.filtered(between(stamps, left, np.clip(measured.time, stamps[0], stamps[-1])))[:, 0]
+    speed = np.gradient(rest, measured.time)
+    parts = (rest, speed, np.gradient(speed, measured.time))
+    return [own + np.interp(time, measured.time, part) for own, part in zip(found, parts, strict=True)]
+
+
+def beyond_noise(left: Array, record: JointRecord) -> Array:
+    """Return what a roll-out leaves of the positions, shape (N,), less the share that noise of the encoder explains.
+
+    A twelfth of the squared step, or the noise that second differences show where that is more: where the model says
+    all, its roll-out is the best that is known of the motion, and twice differentiated noise would be part of the load.
+    Samples that do not count are those that the model is not for: there the measurement is all that is known.
+    """
+    used = left[record.used]
+    noise = max(encoder_step([record]) ** 2 / 12.0, float(np.mean(np.diff(used, 2) ** 2)) / 6.0)
+    share = max(0.0, 1.0 - noise / max(float(np.mean(used**2)), 1e-300))
+    return np.where(record.used, share, 1.0) * left
+
+
+def arm_loads(
+    robot: Robot, log: ServoLog, laws: Sequence[DriveLaw], parameters: Sequence[Array], is_free: bool = False
+) -> list[JointLoad]:
+    """Return the load of every joint in a log whose drives are known; the measured one of a single joint.
+
+    Args:
+        robot: Of n joints.
+        log: The log.
+        laws: Drive law of each joint.
+        parameters: Of each joint, shape (COUNT,).
+        is_free: Whether the load is that of the whole arm let go: no joint is on its measured motion. It has no value
+            where the roll-outs of the joints do not come to agree.
+    """
+    measured = measured_motion(log)
+    loads = measured_loads(robot, log, measured)
+    if robot.dof == 1:
+        return loads
+    records = [record_of(log, joint, loads[joint], law) for joint, law in enumerate(laws)]
+    ends = divided(load_times(log, robot.dof), FINE_LOAD_STEP) if is_free else load_times(log, robot.dof)
+    motion = motion_at(measured, ends)
+    zeros = [float(own[PLACE["angle_offset"]]) for own in parameters]
+    motion = replace(motion, q=motion.q + zeros)
+    joints, own = list(zip(records, parameters, zeros, strict=True)), carrying(robot, log)
+    if not is_free:
+        return joint_loads(own, relaxed(own, joints, measured, motion, ends, _ALL_SWEEPS))
+    for _ in range(_MOST_SWEEPS):
+        before, motion = motion, relaxed(own, joints, measured, motion, ends, 1, is_free=True)
+        if np.abs(motion.q - before.q).max() < _AGREED:
+            return joint_loads(own, motion)
+    motion.q[:] = np.nan
+    return joint_loads(own, motion)
