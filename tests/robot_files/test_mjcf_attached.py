@@ -98,6 +98,9 @@ CASES = {
         f'<attach model="hand" body="right" prefix="h_"/><body name="b"><joint name="b" class="h_quick"/>{BODY}</body>',
         settings='<default><default class="h_quick"><joint armature="5"/></default></default>',
     ),
+    "replicas with a tendon that couples joints": attached(
+        '<replicate count="2" offset="1 0 0" euler="9 8 7"><attach model="hand" body="left" prefix="h_"/></replicate>'
+    ),
     "mass of all": attached('<attach model="hand" body="left" prefix="h_"/>', settings='<compiler settotalmass="9"/>'),
 }  # fmt: skip
 

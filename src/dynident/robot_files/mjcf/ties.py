@@ -127,7 +127,8 @@ def _of_joints(values: Values, scope: MjcfScope, tree: MjcfTree, tied: Collectio
     rows = [Values(one.place, one.attributes) for one in tendons[name].children]
     parts = {row.text("joint"): row.number("coef") for row in rows if "joint" in row}
     plain = tendons[name].tag == "fixed" and len(parts) == len(rows) <= 2 and all(parts.values())
-    if "tendon2" in values or not plain or tree.copies.keys() & {scope.prefix + part for part in parts}:
+    is_copied = any(_endings(part, scope, tree) != [scope.suffix] for part in parts)
+    if "tendon2" in values or not plain or is_copied:
         step = 'write active="false", or couple two joints by an equality of joints (<joint joint1= joint2= polycoef=>)'
         raise values.place.error("an equality of tendons, other than a <fixed> one of two joints", step)
     (one, ratio), *other = reversed(parts.items())
