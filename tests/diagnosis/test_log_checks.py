@@ -27,7 +27,7 @@ from dynident.diagnosis.causes.held_out import halves
 from dynident.diagnosis.causes.known_bodies import NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
-from dynident.diagnosis.checks import CHECKS, Finding, examine, examine_recording
+from dynident.diagnosis.checks import CHECKS, Finding, examine, examine_recording, readings
 from dynident.diagnosis.checks.resolution import steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
 from dynident.diagnosis.finding import SEVERITIES
@@ -441,6 +441,15 @@ def test_bodies_that_the_torques_do_not_tell_leave_no_freedom() -> None:
     prior = np.array([1.0, 0.25, 0.1])
     assert known.freedom(prior, prior) == 1.0  # the log adds nothing
     assert known.freedom(prior, 1e-9 * prior) == pytest.approx(3.0)
+
+
+def test_a_position_of_the_wrong_sign_is_no_other_robot(
+    trial: Trial, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the columns of other joints explain most of it, positions are read otherwise only in the second place."""
+    monkeypatch.setattr(readings, "POOR", 10.0)
+    (found,) = [one for one in put.turned(trial, ("q", "dq"), 2).examined(tmp_path).findings if one.severity == "error"]
+    assert (found.name, found.joint) == ("position sign", trial.case.robot.joint_names[2])
 
 
 def test_causes_are_taken_in_where_they_predict_unseen_samples(trial: Trial, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -32,8 +33,8 @@ from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 #: What a wrong reading of torques makes wrong besides: gravity against the masses of the robot model.
 READING_CONSEQUENCES = (*CONSEQUENCES, "mounting")
 
-#: Relative residual above which a joint is not explained.
-POOR = 0.25
+#: Relative residuals above which a joint is not explained: of any log, and of one that would be another robot's.
+POOR, POOR_OF_ANOTHER = 0.25, 0.1
 
 #: Readings that are told beside the best one at most, where the log does not tell them apart.
 RIVALS = 2
@@ -53,9 +54,7 @@ class Readings(Check):
         feeds = feeding(share, z)
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [_all_signs(subject, share, z, fit)]
-        found = _ranked(fit, _candidates(fit, feeds))
-        if found and not predicts_unseen(fit, _best_reading):
-            found = []
+        found = _confirmed(fit, feeds, POOR)
         scales = [scale for scale in other_scales(subject.scales) if is_sure(fit, scale)][:1]
         if found and scales and scales[0].gain > found[0][1].gain:
             found = []  # one torque of another unit upsets the others: that check tells it
@@ -66,6 +65,9 @@ class Readings(Check):
         else:
             trends = subject.trends
             misfit = robot_misfit(fit) if trends is None else robot_misfit(trends.fit, known=trends.blames)
+            if misfit.is_sure or misfit.is_suspected:  # positions of a joint that other columns explain in part
+                found = _confirmed(fit, feeds, POOR_OF_ANOTHER)
+                misfit = robot_misfit(fit, found[0][1].reading) if found else misfit
         if misfit.is_sure or ((found or scales) and misfit.is_suspected):
             return [_another_robot(misfit, fit, "error")]
         if found:
@@ -125,9 +127,15 @@ def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[f
     return [(gains[k], proposed[k]) for k in [best, *rivals[:RIVALS]]] if gains[best] > 0 else []
 
 
-def _best_reading(learned: QuickFit) -> ReadRows | None:
+def _confirmed(fit: QuickFit, feeds: BoolArray, poor: float) -> list[tuple[float, Interpretation]]:
+    """Return the best candidate and its rivals if what is found on half of the log holds on the other, else none."""
+    found = _ranked(fit, _candidates(fit, feeds, poor))
+    return found if found and predicts_unseen(fit, partial(_best_reading, poor=poor)) else []
+
+
+def _best_reading(learned: QuickFit, poor: float) -> ReadRows | None:
     """Return what is best on the samples of a fit alone."""
-    found = list(_candidates(learned, feeding(*learned.friction_power(learned.plain))))
+    found = list(_candidates(learned, feeding(*learned.friction_power(learned.plain)), poor))
     return max(found, key=lambda each: each.gain).reading if found else None
 
 
@@ -140,7 +148,7 @@ def _all_signs(subject: CheckedLog, share: Array, z: Array, fit: QuickFit) -> Fi
     )
 
 
-def _candidates(fit: QuickFit, feeds: BoolArray) -> Iterator[Interpretation]:
+def _candidates(fit: QuickFit, feeds: BoolArray, poor: float) -> Iterator[Interpretation]:
     names = fit.model.robot.joint_names
     signs = _torque_signs(fit, feeds)
     if signs.any():
@@ -157,7 +165,7 @@ def _candidates(fit: QuickFit, feeds: BoolArray) -> Iterator[Interpretation]:
     yield from _mountings(fit)
     if not signs.any():
         yield from _couplings(fit)
-    wrong = (fit.relative > POOR) | feeds
+    wrong = (fit.relative > poor) | feeds
     if wrong.any():
         yield from position_readings(fit, wrong)
 
