@@ -181,6 +181,19 @@ def test_identified_values_return_into_the_file_of_each_body(name: str, tmp_path
     assert '<motor joint="p" gear="2" damping=".7"' in hand and '<option gravity="1 2 3"/>' in hand
 
 
+def test_the_mass_of_all_ends_where_all_bodies_are_attached(tmp_path: Path) -> None:
+    (tmp_path / "hand.xml").write_text(
+        f'<mujoco model="hand"><worldbody><body name="a">{HINGE}{BODY}</body></worldbody></mujoco>'
+    )
+    cell = '<mujoco><compiler settotalmass="8"/><asset><model file="hand.xml"/></asset>'
+    cell += '<worldbody><attach model="hand" body="a" prefix="p_"/></worldbody></mujoco>'
+    (tmp_path / "cell.xml").write_text(cell)
+    (tmp_path / "proof").mkdir()
+    patched, files = written_back(tmp_path / "cell.xml", tmp_path / "out.xml")
+    assert patched.before.robot().links[0].inertia.mass == pytest.approx(8.0)
+    assert b'settotalmass="-1"' in next(data for file, data in files.items() if file.name == "out.xml")
+
+
 def test_what_is_attached_several_times_has_one_value(tmp_path: Path) -> None:
     """It is refused, with the remedy, which works."""
     twice = '<attach model="hand" body="right" prefix="a_"/><attach model="{}" body="right" prefix="b_"/>'

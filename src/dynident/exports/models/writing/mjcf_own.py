@@ -160,7 +160,9 @@ class _Writer:
         self._files = MjcfFiles(model.document)
         self._copies = Counter(_key(one.element) for one in (*tree.sources.values(), *tree.joints.values()))
         self._written: dict[tuple[str, int], list[tuple[str, dict[str, str]]]] = {}
-        settings = {_key(one): one for source in tree.sources.values() for one in source.compiler.elements}
+        whole = model.document.compiler  # its total mass is that of attached models too
+        compilers = [source.compiler for source in tree.sources.values()] + [whole] * (whole.total_mass > 0.0)
+        settings = {_key(one): one for compiler in compilers for one in compiler.elements}
         for element in settings.values():
             self._neutralise(element)
 
