@@ -18,6 +18,7 @@ import dynident as di
 from dynident.data.log import Log
 from dynident.errors import DescriptionError, FileError
 from dynident.exports.models import export_model
+from dynident.exports.models.mjcf import Mjcf
 from dynident.exports.models.proving.mjcf_proof import reload_mjcf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
@@ -356,6 +357,34 @@ def test_a_follower_with_armature_leaves_it_to_its_leader(has_friction: bool, tm
     drives = replace(drives, armature=np.asarray(drives.armature) + 0.1)
     patched = patched_mjcf(subject, drives, subject.source, False, tmp_path / "out.xml")
     assert patched.tags["wrist"][0] == 0.0 and patched.tags["elbow"][0] == pytest.approx(rotor + 0.1)
+
+
+#: The held joint is the only one of its body, or the last of two.
+HELD = (
+    '<joint name="j" axis="0 1 0"/><geom size=".1" pos=".1 0 0"/><body name="b" pos=".3 0 0">'
+    '<joint name="k" axis="0 1 0" ref=".2" damping="3"/><geom size=".1" pos=".1 0 0"/></body>',
+    '<joint name="j" axis="0 1 0"/><joint name="k" axis="0 0 1" pos=".1 .2 0"/><geom size=".1" pos=".1 0 0"/>'
+    '<body name="c"><joint name="l"/><geom size=".1"/></body>',
+)
+
+
+@pytest.mark.parametrize("inside", HELD)
+def test_a_joint_that_an_equality_holds_moves_in_the_file(
+    inside: str, tmp_path: Path, exact_log: Callable[..., Log]
+) -> None:
+    """MuJoCo has the torques of the others where it stands still, and each body that moves in the file has a mass."""
+    still = '<equality><joint joint1="k" polycoef=".4"/></equality>'
+    world = f'<worldbody><body name="a">{inside}</body></worldbody>'
+    path = given(tmp_path, f'<mujoco><compiler angle="radian"/>{world}{still}</mujoco>')
+    estimate = estimate_of(read_robot(path), exact_log, ("viscous",))
+    mujoco = pytest.importorskip("mujoco")
+    for lump in (False, True):
+        found = export_model(estimate, Mjcf(lump=lump), tmp_path / "out.xml", description=path)
+        relative = [proof.relative for proof in found.proofs if proof.relative is not None]
+        assert len(relative) == 2 and max(relative) < 1e-9
+        assert any("locked joints (k at 0." in note for note in found.notes)
+        model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+        assert model.body_mass[1:].min() > 0.0 and model.njnt == len(estimate.model.robot.joints) + 1
 
 
 def test_damping_of_higher_order_from_a_class_is_ended(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def reload_mjcf(
             mujoco_torque(source.path, "mjcf", states, bodies_only=True)
         except Exception:
             reason = " ".join(str(error).split())[:150]
-            yield Reloaded(name, why_not=f"it does not load your own MJCF either ({reason})")
+            yield Reloaded(name, why_not=f"it gives no torques of your own MJCF either ({reason})")
             return
         raise
 

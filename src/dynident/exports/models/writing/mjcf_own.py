@@ -21,10 +21,11 @@ from dynident.exports.models.writing.xml_edit import ByteEdit, PlacedElement, ad
 from dynident.exports.models.writing.xml_text import number, numbers, quaternion
 from dynident.model.inertia import Inertia
 from dynident.model.parameters import to_mujoco_fullinertia
+from dynident.model.robot import Robot
 from dynident.robot_files.mjcf.document import CompilerSettings
 from dynident.robot_files.mjcf.model import MjcfModel, read_mjcf_model
 from dynident.robot_files.mjcf.poses import ORIENTATIONS
-from dynident.robot_files.tree import some, weightless
+from dynident.robot_files.tree import Connection, some, weightless
 from dynident.robot_files.xml_elements import Element
 
 _SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -79,8 +80,9 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
         DescriptionError: It is faulty or of another robot, or what was identified has no place of its own in it.
     """
     before = read_mjcf_model(source.path, source.data)
-    placement = place(source.path, subject.model.robot, before.tree.bodies, before.connections)
-    shares = shared(subject, placement, lump)
+    robot, tree = subject.model.robot, before.tree
+    placement = place(source.path, robot, tree.bodies, _joints(before, robot))
+    shares = shared(subject, placement, lump, tree.bodies.keys() - tree.sources.keys())
     writer = _Writer(before)
     for name, body in _bodies(before, shares.inertias).items():
         writer.inertial(name, body)
@@ -102,6 +104,13 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
     if any(_changes(one.compiler, before) for one in before.tree.sources.values()):
         notes.append("all bodies state their inertia now: <compiler> had settings that change what is stated")
     return PatchedMjcf(texts, before, after, placement, tags, tuple(notes))
+
+
+def _joints(model: MjcfModel, robot: Robot) -> list[Connection]:
+    """Return the joints of a file; those that an equality holds move in it, and are locked in the robot."""
+    moving = {joint.name for joint in robot.joints}
+    pairs = zip(model.tree.connections, model.connections, strict=True)
+    return [found if found.name in moving else written for written, found in pairs]
 
 
 def _bodies(model: MjcfModel, new: Mapping[str, Inertia | None]) -> dict[str, Inertia | None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -143,7 +143,7 @@ class Shares:
     notes: tuple[str, ...]
 
 
-def shared(subject: Identified, placement: Placement, lump: bool) -> Shares:
+def shared(subject: Identified, placement: Placement, lump: bool, between: Collection[str] = ()) -> Shares:
     """Share out the inertia of each link of the model.
 
     Links that are fixed to a moving one, or locked behind it, keep the inertia that the file states, and the moving
@@ -154,11 +154,15 @@ def shared(subject: Identified, placement: Placement, lump: bool) -> Shares:
         subject: The identified model.
         placement: The links of the file on its links.
         lump: Whether fixed ones lose theirs in any case.
+        between: Links that are no body of the file but stand between two joints of one; where the second is locked,
+            that body gets what the link would.
     """
     inertias: dict[str, Inertia | None] = {}
     notes: list[str] = []
     for i, link in enumerate(subject.model.robot.links):
-        others = [n for n in placement.on(i) if n != link.name and _weighs(placement.bodies[n])]
+        here = [name for name in placement.on(i) if name not in between]
+        owner = here[0] if here else link.name
+        others = [name for name in here[1:] if _weighs(placement.bodies[name])]
         fixed = [name for name in others if not placement.placed[name].behind_lock]
         held = [name for name in others if placement.placed[name].behind_lock]
         kept = [name for name in others if name in held or not (lump or _is_none(placement.bodies[name]))]
@@ -172,11 +176,12 @@ def shared(subject: Identified, placement: Placement, lump: bool) -> Shares:
                 rest = _less(subject.bodies[i], placement, kept, scale)
             for name in kept if scale < 1.0 else []:
                 inertias[name] = _scaled(placement.bodies[name], scale)
-        inertias[link.name] = rest
+        at = placement.placed[owner]
+        inertias[owner] = rest.moved(at.rotation.T, -at.rotation.T @ at.translation)
         gone = [name for name in fixed if name not in kept]
         inertias |= dict.fromkeys(gone)
         if others:
-            notes.append(_sentence(link.name, kept, gone, scale))
+            notes.append(_sentence(owner, kept, gone, scale))
         unreal = [name for name in others if _is_none(placement.bodies[name])]
         if unreal:
             notes.append(f"no body has the inertia that the file states for {some(unreal)}")
@@ -190,9 +195,7 @@ def kept_notes(shares: Shares, placement: Placement, left: Sequence[str]) -> lis
         notes.append(f"the model has no friction of {', '.join(left)}: their damping and friction are as in the file")
     if placement.locked:
         at = some([f"{name} at {position:.6g}" for name, position in placement.locked.items()])
-        notes.append(
-            f"identified with locked joints ({at}): their friction and the links after them are as in the file"
-        )
+        notes.append(f"identified with locked joints ({at}): their friction is as in the file")
     return notes
 
 
