@@ -98,17 +98,17 @@ def with_nominal(estimate: Estimate, problem: Problem) -> Estimate:
         matrix, torque = triangle.factor[:, :-1] / deviation, triangle.factor[:, -1] / deviation
         rows.append(matrix @ free[triangle.columns])
         target.append(torque - matrix @ still[triangle.columns])
-    parameters = problem.base.parameters[len(nominal) :]
+    parameters, every, torques = problem.base.parameters[len(nominal) :], np.concatenate(rows), np.concatenate(target)
     signs = np.array([parameter.nonnegative for parameter in parameters], bool)
     friction, kept = np.zeros(len(parameters)), np.full(len(parameters), True)
     while kept.any():
         friction = np.zeros(len(parameters))
-        friction[kept] = np.linalg.lstsq(np.concatenate(rows)[:, kept], np.concatenate(target))[0]
+        friction[kept] = np.linalg.lstsq(every[:, kept], torques)[0]
         if not (wrong := signs & (friction < 0)).any():
             break
         kept &= ~wrong
-    names = [parameter.name for parameter in parameters]
-    errors = nominal_errors(problem.model, problem.base, problem.logs, dict(zip(names, friction.tolist(), strict=True)))
+    named = {parameter.name: float(value) for parameter, value in zip(parameters, friction, strict=True)}
+    errors = nominal_errors(problem.model, problem.base, problem.logs, named)
     return replace(estimate, train=replace(estimate.train, nominal=errors))
 
 

@@ -67,22 +67,20 @@ def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence
     errors, torque, told = held.errors(reading), reading.rows.torque, judged(fit.rows.masks)
     columns = zip(torque.T, reading.rows.masks.T, told, strict=True)
     size = np.array([np.var(column[mask]) if one else 0.0 for column, mask, one in columns])
-    shared = reading
-    for blame in known if _left(errors, size, reading) > LEFT else ():
+    counts, shared = np.maximum(reading.rows.masks.sum(axis=0), 1), reading
+    for blame in known if _left(errors / counts, size) > LEFT else ():
         taken = _with_cause(shared, blame)
         lower = held.errors(taken)
         if held.difference(lower, errors)[0] > 0.0:
             shared, errors = taken, lower
     gain, spread = held.difference(held.errors(shared, ridge=RIDGE), errors)
-    counts = np.maximum(reading.rows.masks.sum(axis=0), 1)
     joints = np.sqrt(errors.sum(axis=0) / counts / np.maximum(size, 1e-300))
-    return RobotMisfit(_left(errors, size, reading), joints, gain, spread)
+    return RobotMisfit(_left(errors / counts, size), joints, gain, spread)
 
 
-def _left(errors: Array, size: Array, reading: ReadRows) -> float:
-    """Return the root mean square of errors (blocks, n) over that of torques of variance ``size`` (n,)."""
-    counts = np.maximum(reading.rows.masks.sum(axis=0), 1)
-    return float(np.sqrt((errors.sum(axis=0) / counts).sum() / max(float(size.sum()), 1e-300)))
+def _left(shares: Array, size: Array) -> float:
+    """Return the root of mean squared errors, by their shares (blocks, n), over torques of variance ``size`` (n,)."""
+    return float(np.sqrt(shares.sum() / max(float(size.sum()), 1e-300)))
 
 
 def _with_cause(reading: ReadRows, blame: Blame) -> ReadRows:

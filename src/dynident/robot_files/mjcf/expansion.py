@@ -79,12 +79,9 @@ class Expansion:
         place = np.zeros(3)
         for number in range(int(copies)):
             suffix = f"{values.text('sep', '')}{number:0{digits}d}{scope.suffix}"
-            rotation = rotation_from_euler(
-                number * angles, compiler.sequence
-            )  # as MuJoCo: not the step again and again
-            yield from self.flat(
-                element, placed(frame, (rotation, place)), replace(scope, suffix=suffix).inner(element)
-            )
+            rotation = rotation_from_euler(number * angles, compiler.sequence)  # as MuJoCo: not one turn after another
+            held = replace(scope, suffix=suffix).inner(element)
+            yield from self.flat(element, placed(frame, (rotation, place)), held)
             place = place + rotation @ offset
 
     def _in_attached(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[Placed]:

@@ -31,6 +31,7 @@ from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.selection.friction.column_pool import PooledLogs, SharedRows
 from dynident.identification.selection.friction.held_out_errors import NOTHING, HeldOut, is_better, share_of
 from dynident.identification.selection.friction.parts_by_drive import (
+    by_drive,
     by_unit,
     own_widths,
     set_apart,
@@ -140,8 +141,7 @@ def predicts_better(
         own = shared.under(rows)
         load = shared.load(each, own) if "torque" in each.needs else None
         pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load, made=shared.made(own)).pool(each.friction)
-        drives = range(each.robot.dof)
-        parts = [[p for p, part in enumerate(each.friction) if drive in each.drives_of(part)] for drive in drives]
+        parts = by_drive(each, each.friction, range(len(each.friction)))
         weights = pool.weights(parts) if weights is None else weights
         found += HeldOut.of(pool, parts, [parts], weights).errors(fastest=False)
     gain, error = share_of(found[0] - found[1])
@@ -290,8 +290,7 @@ class _FieldSearch:
 
     def _drives(self, parts: Sequence[int]) -> list[list[int]]:
         """Return which of some parts each drive has."""
-        acts = {p: set(self.model.drives_of(self.model.friction[p])) for p in parts}
-        return [[p for p in parts if drive in acts[p]] for drive in range(self.model.robot.dof)]
+        return by_drive(self.model, self.model.friction, parts)
 
     def with_part(self, p: int) -> FieldChoice:
         """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
@@ -354,16 +353,13 @@ class _FieldSearch:
 
     def _set_apart(self, group: Sequence[int], label: str, stated: float, grid: Array, errors: Sequence[Array]) -> None:
         """Give drives widths of their own where held-out samples ask for them and the model is better with all."""
-        model, every = self.model, range(self.model.robot.dof)
+        model = self.model
         if not (own := own_widths(model, model.drives_of(model.friction[group[0]]), label, stated, grid, errors)):
             return
-        widths = {drive: held.value for drive, held in own.items()}
-        split, absent, heads = set_apart(model, self.absent, self.heads, group, widths)
+        split, absent, heads = set_apart(model, self.absent, self.heads, group, {k: own[k].value for k in own})
         before = [part for p, part in enumerate(model.friction) if p not in self.absent]
         parts = [*before, *(part for p, part in enumerate(split.friction) if p not in absent)]
-        acts, ends = [set(model.drives_of(part)) for part in parts], (0, len(before), len(parts))
-        pairs = [range(*pair) for pair in itertools.pairwise(ends)]
-        sets = [[[place for place in pair if drive in acts[place]] for drive in every] for pair in pairs]
+        sets = [by_drive(model, parts, own) for own in (range(len(before)), range(len(before), len(parts)))]
         if is_better(np.subtract(*HeldOut.of(self._pooled.pool(parts), sets[0], sets).errors(fastest=False))):
             self.model, self.absent, self.heads = split, absent, heads
             self.apart += [(group[0], self._finer(group, held, grid)) for held in own.values()]
@@ -384,14 +380,13 @@ class _FieldSearch:
         parts = [model.friction[p] for p in present]
         options = [{name: float(value)} if name else {} for value in grid]
         stand_ins = [replace(model.friction[p], **each) for each in options for p in group]
-        pool = self._pooled.pool([*parts, *stand_ins])
-        acts = [set(model.drives_of(part)) for part in (*parts, *stand_ins)]
+        pool = self._pooled.pool(every := [*parts, *stand_ins])
 
         def columns(value: int | None) -> list[list[int]]:
             places = {p: place for place, p in enumerate(present)}
             if value is not None:
                 places |= {p: len(parts) + value * len(group) + k for k, p in enumerate(group)}
-            return [[place for place in places.values() if drive in acts[place]] for drive in range(model.robot.dof)]
+            return by_drive(model, every, places.values())
 
         sets = [columns(value) for value in (None, *range(len(grid)))]
         tried = HeldOut.of(pool, sets[0], sets)

@@ -40,25 +40,25 @@ class NestedFits:
 
     def coefficients(self, keep: IntArray) -> Array:
         """Return the coefficients of the columns ``keep`` (k,) behind the shared ones, shape (B, k - shared)."""
-        own = keep[self.shared :] - self.shared
-        return self._scaled(own) / self._scale[:, own]
+        mixed, every = self._mixed(keep)
+        return mixed[:, :-1] / self._scale[:, every[:-1]]
 
     def residual(self, keep: IntArray) -> Array:
         """Return the coefficients of all columns ``keep`` (k,), and -1 for the torque, shape (B, k + 1)."""
-        own = keep[self.shared :] - self.shared
-        mixed = np.append(self._scaled(own), np.full((len(self._left), 1), -1.0), axis=1)
-        first = -(self._along[:, :, np.append(own, -1)] @ mixed[:, :, None])[:, :, 0] / self._first
-        return np.concatenate([first, mixed[:, :-1] / self._scale[:, own], mixed[:, -1:]], axis=1)
+        mixed, every = self._mixed(keep)
+        first = -(self._along[:, :, every] @ mixed[:, :, None])[:, :, 0] / self._first
+        return np.concatenate([first, mixed[:, :-1] / self._scale[:, every[:-1]], mixed[:, -1:]], axis=1)
 
     def losses(self, keep: IntArray) -> Array:
         """Return the sum of squared residuals of each block by the columns ``keep`` (k,), shape (B,)."""
-        own = keep[self.shared :] - self.shared
-        mixed, every = np.append(self._scaled(own), np.full((len(self._left), 1), -1.0), axis=1), np.append(own, -1)
+        mixed, every = self._mixed(keep)
         return np.sum(mixed * (self._left[:, every[:, None], every] @ mixed[:, :, None])[:, :, 0], axis=1)
 
-    def _scaled(self, own: IntArray) -> Array:
-        normal, right = self._normal[:, own[:, None], own], self._normal[:, own, -1]
-        return np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+    def _mixed(self, keep: IntArray) -> tuple[Array, IntArray]:
+        """Return scaled coefficients and -1 for the torque, (B, k - shared + 1), and their columns behind those."""
+        own = keep[self.shared :] - self.shared
+        found = np.linalg.solve(self._normal[:, own[:, None], own], self._normal[:, own, -1:])[:, :, 0]
+        return np.append(found, np.full((len(found), 1), -1.0), axis=1), np.append(own, -1)
 
 
 def without(whole: Array, part: Array) -> Array:

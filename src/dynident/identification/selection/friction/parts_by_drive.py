@@ -7,7 +7,7 @@ is known from the same fits: drives that ask for another one get it, if the mode
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +37,12 @@ def with_value(model: DynamicModel, group: Sequence[int], name: str, value: floa
     return replace(model, friction=tuple(parts))
 
 
+def by_drive(model: DynamicModel, parts: Sequence[Friction], places: Iterable[int]) -> list[list[int]]:
+    """Return which of the parts at some places each drive of a model has."""
+    acts = {place: model.drives_of(parts[place]) for place in places}
+    return [[place for place, drives in acts.items() if drive in drives] for drive in range(model.robot.dof)]
+
+
 def own_widths(
     model: DynamicModel, drives: Sequence[int], label: str, stated: float, grid: Array, errors: Sequence[Array]
 ) -> dict[int, FieldChoice]:
@@ -50,7 +56,7 @@ def own_widths(
         grid: Widths, shape (k,).
         errors: Held-out squared residuals of blocks and joints, (B, n): with the width of all, then with each of grid.
     """
-    found: dict[int, FieldChoice] = {}
+    names, found = model.robot.joint_names, dict[int, FieldChoice]()
     for drive in drives if len(drives) > 1 else ():
         moved = np.asarray(model.robot.coupling)[drive] != 0
         first, *others = (np.log(np.maximum(each[:, moved].sum(axis=1), 1e-300)) for each in errors)
@@ -58,8 +64,7 @@ def own_widths(
         gaps = first - others[int(np.argmin(means))]
         if is_better(gaps, CHANCE / len(drives)):
             best = minimum(np.log(grid), np.exp(means), 1.0)[0]
-            name = model.robot.joint_names[drive]
-            found[drive] = FieldChoice(label, (name,), "width", stated, best, best, *share_of(gaps))
+            found[drive] = FieldChoice(label, (names[drive],), "width", stated, best, best, *share_of(gaps))
     if len(found) == len(drives):
         del found[min(found, key=lambda drive: found[drive].gain)]
     return found
@@ -75,16 +80,16 @@ def set_apart(
         absent: Places of the parts that are not there so far.
         heads: Of each part, the place of the stated one that it is of.
         group: Places of the parts that are split; what comes to them is last.
-        widths: By drive.
+        widths: By drive, of some of those that have one.
     """
     names, parts, missing, of = model.robot.joint_names, list(model.friction), list(absent), list(heads)
     for p in group:
         rest = tuple(names[drive] for drive in model.drives_of(parts[p]) if drive not in widths)
         own = [replace(parts[p], joints=(names[drive],), width=width) for drive, width in widths.items()]
-        parts[p], *more = [replace(parts[p], joints=rest), *own] if rest else own
-        missing += range(len(parts), len(parts) + len(more)) if p in absent else ()
-        of += [p] * len(more)
-        parts += more
+        parts[p] = replace(parts[p], joints=rest)
+        missing += range(len(parts), len(parts) + len(own)) if p in absent else ()
+        of += [p] * len(own)
+        parts += own
     return replace(model, friction=tuple(parts)), tuple(missing), tuple(of)
 
 
