@@ -270,10 +270,10 @@ class PooledLogs:
                 for part, each in zip(missing, split, strict=True):
                     rows = [[block[own] for block, own in zip(blocks, each, strict=True)] for blocks in segments]
                     made[part].append(rows)
-            sizes = {part: sum(one.nbytes for log in own for each in log for one in each) for part, own in made.items()}
-            for part in [part for part in made if part not in set(asked)]:
-                if sum(sizes.values()) > KEPT:
-                    del made[part], sizes[part]
+            size = sum(one.nbytes for own in made.values() for log in own for each in log for one in each)
+            for part in list(itertools.filterfalse(set(asked).__contains__, made)):
+                if size > KEPT:
+                    size -= sum(one.nbytes for log in made.pop(part) for each in log for one in each)
         return [made[part] for part in asked]
 
     def _stream(self, whole: DynamicModel) -> RegressorStream:
