@@ -101,6 +101,13 @@ CASES = {
     "replicas with a tendon that couples joints": attached(
         '<replicate count="2" offset="1 0 0" euler="9 8 7"><attach model="hand" body="left" prefix="h_"/></replicate>'
     ),
+    "replicas with tendons over joints of two of them": attached(
+        '<replicate count="2" offset="1 0 0" sep="-"><attach model="hand" body="palm" prefix="h_"/></replicate>',
+    ).replace(
+        "</mujoco>",
+        '<tendon><fixed name="v"><joint joint="h_c-0-0" coef="2"/><joint joint="h_p-1" coef="1"/></fixed></tendon>'
+        '<equality><joint joint1="h_c-1-0" joint2="h_c-0-1"/><tendon tendon1="v" polycoef=".1"/></equality></mujoco>',
+    ),
     "mass of all": attached('<attach model="hand" body="left" prefix="h_"/>', settings='<compiler settotalmass="9"/>'),
 }  # fmt: skip
 
@@ -268,6 +275,20 @@ FAULTS = {
     "no prefix": (attached('<attach model="hand" body="palm"/>'), "no attribute 'prefix'; write prefix="),
     "a class of a model that is not attached": (
         attached('<body name="b"><joint class="h_quick"/></body>'), "there is no defaults class 'h_quick'"
+    ),
+    "a class of an attached model outside of bodies": (
+        attached('<attach model="hand" body="right" prefix="h_"/>').replace(
+            "</mujoco>", '<actuator><motor joint="z" class="h_quick"/></actuator></mujoco>'
+        ),
+        "there is no defaults class 'h_quick'",
+    ),
+    "a frame of the main model": (
+        attached('<frame name="inne"/><frame name="h_inne"/><attach model="hand" frame="inne" prefix="h_"/>'),
+        "the attached model has no frame 'inne'; correct the name; did you mean 'inner'",
+    ),
+    "a URDF": (
+        attached('<attach model="hand" prefix="h_"/>', '<model name="hand" file="parts/hand.URDF"/>'),
+        "'parts/hand.URDF' is a URDF; write it as an MJCF beside it, in Python by mujoco.mj_saveLastXML('hand.xml'",
     ),
     "options that are taken over": (
         attached('<attach model="hand" body="palm" prefix="h_"/>', settings='<compiler conflict="merge"/>'),

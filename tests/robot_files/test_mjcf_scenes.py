@@ -137,17 +137,17 @@ FAULTS = {
     ),
     "two tendons": (
         coupled("a 1, b 1", 'tendon1="t" tendon2="u"', '<fixed name="u"><joint joint="z" coef="1"/></fixed>'),
-        "other than a <fixed> one of two joints",
+        "other than a linear one of two joints",
         "no linear one",
     ),
-    "three joints": (coupled("a 1, b 1, z 1"), "other than a <fixed> one of two joints", "no linear one"),
+    "three joints": (coupled("a 1, b 1, z 1"), "other than a linear one of two joints", "no linear one"),
     "a tendon over sites": (
         arm(
             HINGE + '<site name="s" pos="0 0 1"/><site name="r"/>' + BODY,
             tail='<tendon><spatial name="t"><site site="s"/><site site="r"/></spatial></tendon>'
             '<equality><tendon tendon1="t"/></equality>',
         ),
-        "other than a <fixed> one of two joints",
+        "other than a linear one of two joints",
         "no linear one",
     ),
     "tied twice": (
@@ -171,8 +171,28 @@ def test_other_scenes_are_refused(name: str, tmp_path: Path) -> None:
 
 
 def test_names_of_tendons_are_checked(tmp_path: Path) -> None:
-    with pytest.raises(DescriptionError, match="there is no tendon 'tt'; correct the name; did you mean 't'"):
-        robot(coupled("a 1, b 1", 'tendon1="tt"'), tmp_path)
-    copies = coupled("a 1, z 1").replace(LAST, f'<replicate count="2">{LAST}</replicate>')
-    with pytest.raises(DescriptionError, match="an equality of tendons, other than"):
-        robot(copies, tmp_path)
+    copied = coupled("z 1, b 1")
+    for one in (LAST, f'<body name="b"><joint name="b" ref="-30"/>{BODY}</body>'):
+        copied = copied.replace(one, f'<replicate count="2">{one}</replicate>')
+    for text, told in (
+        (coupled("a 1, b 1", 'tendon1="tt"'), "tendon1 'tt' is no tendon; correct the name; did you mean 't'"),
+        (coupled("a 1, bb 1"), "joint 'bb' is no joint; correct the name; did you mean 'b'"),
+        (coupled("a 1, a 2"), "the tendon has joint 'a' twice; write the sum of both coef once"),
+        (copied, "no <replicate> copies all that it runs over"),
+        (
+            arm(
+                HAND,
+                '<compiler autolimits="false"/>',
+                '<actuator><motor joint="a" forcerange="-1 1"/></actuator>',
+            ),
+            "forcerange without forcelimited where autolimits is false",
+        ),
+        (
+            arm(HAND, tail='<contact><exclude body1="world" body2="firs"/></contact>'),
+            "body2 'firs' is no body; correct the name; did you mean 'first'",
+        ),
+    ):
+        with pytest.raises(DescriptionError, match=told):
+            robot(text, tmp_path)
+        with pytest.raises(ValueError, match=r"not found|unknown|repeated|but not `forcelimited`"):
+            mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))

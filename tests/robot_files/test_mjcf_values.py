@@ -128,6 +128,37 @@ FILES |= {
     .replace("</actuator>", '<motor joint="i" armature=".3"/></actuator>'),
 }
 
+#: Fixed tendons over joints that are copied, within and around the copies.
+TENDON = '<tendon><fixed name="t">{}</fixed><fixed name="u">{}</fixed></tendon><equality>{}</equality>'
+_A, _C, _LAST, _Q = (
+    f'<joint joint="{name}" coef="{coef}"/>' for name, coef in (("a", 2), ("c", -3), ("c-2", 1), ("q", 0.5))
+)
+_FIRST = '<worldbody><body><joint name="q" axis="1 1 0"/><geom size=".1" pos=".2 .1 0"/></body>'
+_COPIED = {
+    "each copy with a tendon": (_A + _C, _A, '<tendon tendon1="t" polycoef=".2"/>'),
+    "each copy with one joint on a tendon": (_C, _A, '<tendon tendon1="t" polycoef=".2"/>'),
+    "the tendon of one copy": (_A + _C, _A, '<tendon tendon1="t-1"/>'),
+    "two tendons of each copy": (_C, _A, '<tendon tendon1="t" tendon2="u" polycoef=".2 3"/>'),
+    "two tendons over the same joints": (_A + _C, _A, '<tendon tendon1="t" tendon2="u" polycoef=".1 2"/>'),
+    "tendons over what is outside": (_Q + _C, _A, '<tendon tendon1="t" polycoef=".2"/>'),
+    "a tendon over a copy": (_Q + _LAST, _A, '<tendon tendon1="t"/>'),
+    "tendons that are free": (_A + _C, _A, ""),
+}
+FILES |= {
+    what: COPIES.format("", TENDON.format(*parts))
+    .replace(_FIRST.removeprefix("<worldbody>"), "")
+    .replace("<worldbody>", _FIRST)
+    for what, parts in _COPIED.items()
+}
+#: Copies of copies: those of a name that the inner ones make are one in each of the outer ones.
+FILES |= {
+    f"{what}, in copies": FILES[what]
+    .replace("<replicate", '<replicate count="2" sep="." offset="1 0 0" euler="5 6 7"><replicate')
+    .replace("</replicate>", "</replicate></replicate>")
+    for what in ("equalities in copies", *_COPIED)
+    if what != "a tendon over a copy"
+}
+
 
 @pytest.mark.parametrize("name", FILES)
 def test_torques_are_those_of_mujoco(name: str, tmp_path: Path) -> None:

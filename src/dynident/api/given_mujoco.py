@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -21,6 +21,7 @@ from dynident.robot_files.tree import (
     carried_by_leaders,
     numbered,
     ring,
+    tied_by_lengths,
     with_held,
 )
 
@@ -234,28 +235,26 @@ def _tie(model: Any, bodies: _MujocoParts) -> None:
     Raises:
         BadArgument: Another equality constraint, which closes a loop, or one that ties a joint again.
     """
-    joints, tied, still = bodies.joints, set[int](), dict[str, float]()
+    joints, tied, still = bodies.joints, set[str](), dict[str, float]()
+    zeros = {name: float(model.qpos0[model.jnt_qposadr[number]]) for number, name in enumerate(bodies.moving)}
     for number in map(int, np.flatnonzero(model.eq_active0)):
         name = model.equality(number).name or f"number {number}"
         if _is_handle(model, number):
             continue
-        tie = _tie_of(model, number, tied)
+        tie = _tie_of(model, number, bodies.moving, tied)
         if tie is None:
             evidence = f"the equality constraint {name} is no linear one of joints"
             raise BadArgument("robot", evidence, "remove it from the model: loops of bodies are not read")
-        one, other, constant, slope = tie
+        one, leader, constant, slope = tie
         if one in tied:
-            evidence = f"joint '{bodies.moving[one]}' is tied twice, by the equality constraint {name} too"
+            evidence = f"joint '{one}' is tied twice, by the equality constraint {name} too"
             raise BadArgument("robot", evidence, "keep one of the two")
         tied.add(one)
-        joint = joints[bodies.moving[one]]
-        zero = float(model.qpos0[model.jnt_qposadr[one]])
-        if other >= 0:
-            leader = float(model.qpos0[model.jnt_qposadr[other]])
-            follow = Mimic(bodies.moving[other], slope, zero + constant - slope * leader)
-            joints[joint.name] = replace(joint, mimic=follow)
+        if leader:
+            follow = Mimic(leader, slope, zeros[one] + constant - slope * zeros[leader])
+            joints[one] = replace(joints[one], mimic=follow)
         else:
-            still[joint.name] = zero + constant
+            still[one] = zeros[one] + constant
     joints.update(with_held(joints, still))
     for words in filter(None, (ring(name, joints) for name in bodies.moving)):
         evidence = f"joints follow each other: {words}: redundant equality constraints"
@@ -269,28 +268,25 @@ def _is_handle(model: Any, number: int) -> bool:
     return of_bodies and any(model.body_mocapid[end] >= 0 for end in ends)
 
 
-def _tie_of(model: Any, number: int, tied: Set[int]) -> tuple[int, int, float, float] | None:
-    """Return joint, leader (-1: held still), constant and slope of an equality; None of one that is not linear.
-
-    Of a fixed tendon of one or two joints the second follows the first, unless it is among those ``tied``.
-    """
-    one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-    constant, slope, *rest = (float(value) for value in model.eq_data[number][:5])
+def _tie_of(model: Any, number: int, joints: Sequence[str], tied: Set[str]) -> tuple[str, str, float, float] | None:
+    """Return joint, leader (empty: held still), constant and slope of an equality; None of one that is not linear."""
+    ends = [int(end) for end in (model.eq_obj1id[number], model.eq_obj2id[number]) if end >= 0]
+    constant, slope, *rest = polynomial = [float(value) for value in model.eq_data[number][:5]]
     if model.eq_type[number] == _EQUALITY_OF_JOINTS:
-        return None if other >= 0 and (any(rest) or slope == 0.0) else (one, other, constant, slope)
-    count = int(model.tendon_num[one]) if model.eq_type[number] == _EQUALITY_OF_TENDONS else 0
-    part = slice(int(model.tendon_adr[one]), int(model.tendon_adr[one]) + count) if count else slice(0)
-    parts = {
-        int(joint): float(share) for joint, share in zip(model.wrap_objid[part], model.wrap_prm[part], strict=True)
-    }
-    is_fixed = bool(np.all(model.wrap_type[part] == _WRAP_JOINT))
-    if other >= 0 or not (is_fixed and 1 <= count == len(parts) <= 2 and all(parts.values())):
+        one, *other = (joints[end] for end in ends)
+        return None if other and (any(rest) or slope == 0.0) else (one, other[0] if other else "", constant, slope)
+    if model.eq_type[number] != _EQUALITY_OF_TENDONS:
         return None
-    (last, ratio), *first = reversed(parts.items())
-    if first and last in tied:
-        (last, ratio), first = first[0], [(last, ratio)]
-    leader, share = first[0] if first else (-1, 0.0)
-    return last, leader, constant / ratio, -share / ratio
+    return tied_by_lengths([_length(model, end, joints) for end in ends], polynomial, tied)
+
+
+def _length(model: Any, tendon: int, joints: Sequence[str]) -> dict[str, float] | None:
+    """Return the coefficient of each joint in the length of a tendon; None of one that is not ``<fixed>``."""
+    part = slice(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
+    if np.any(model.wrap_type[part] != _WRAP_JOINT):
+        return None
+    pairs = zip(model.wrap_objid[part], model.wrap_prm[part], strict=True)
+    return {joints[int(joint)]: float(coefficient) for joint, coefficient in pairs}
 
 
 def _note(model: Any, off: Set[str]) -> str:

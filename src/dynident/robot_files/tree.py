@@ -170,6 +170,35 @@ def _held(joint: Connection, position: float) -> Connection:
     return replace(joint, kind="fixed", rotation=joint.rotation @ rotation_about(joint.axis, position))
 
 
+def tied_by_lengths(
+    lengths: Sequence[Mapping[str, float] | None], polynomial: Sequence[float], tied: Collection[str]
+) -> tuple[str, str, float, float] | None:
+    """Return joint, leader (empty: held still), constant and slope of an equality of tendons; None of a nonlinear one.
+
+    The first length is constant + slope times the second one, 0 where there is none. Of two joints the last one of the
+    first length follows, unless it is tied.
+
+    Args:
+        lengths: Of each tendon the coefficient of each joint, by name; None of one that is not linear in joints.
+        polynomial: Constant, slope and what is of higher order.
+        tied: The joints that follow others or are held still.
+    """
+    constant, slope, *rest = polynomial
+    first, *second = lengths
+    parts = dict[str, float]()
+    for share, length in ((-slope, second[0] if second else {}), (1.0, first)):
+        for name, coefficient in (length or {}).items():
+            parts[name] = parts.pop(name, 0.0) + share * coefficient
+    parts = {name: coefficient for name, coefficient in parts.items() if coefficient}
+    if None in lengths or not 1 <= len(parts) <= 2 or (second and any(rest)):
+        return None
+    (one, ratio), *others = reversed(parts.items())
+    if others and one in tied:
+        (one, ratio), others = others[0], [(one, ratio)]
+    leader, share = others[0] if others else ("", 0.0)
+    return one, leader, float(constant / ratio), float(-share / ratio)
+
+
 def some(names: Sequence[str], most: int = 4) -> str:
     """Return names with commas, the first of many."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

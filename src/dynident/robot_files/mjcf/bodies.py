@@ -74,7 +74,6 @@ class MjcfTree:
         joints: The joints that move, by name.
         sources: The bodies of the file, by name.
         motors: The actuators that give a joint armature or damping, by joint.
-        copies: What the names of the copies of a joint in a ``<replicate>`` end with, by its name there.
         scopes: Of the model and of those attached to it.
         curved: The joints with damping of second or third order.
         notes: What has a torque in MuJoCo and none here.
@@ -88,7 +87,6 @@ class MjcfTree:
     joints: dict[str, JointSource] = field(default_factory=dict)
     sources: dict[str, BodySource] = field(default_factory=dict)
     motors: dict[str, list[Element]] = field(default_factory=dict)
-    copies: dict[str, list[str]] = field(default_factory=dict)
     scopes: list[MjcfScope] = field(default_factory=list)
     curved: set[str] = field(default_factory=set)
     notes: dict[str, list[str]] = field(default_factory=dict)
@@ -161,10 +159,13 @@ class _TreeReader:
 
     def _site(self, element: Element, frame: Pose, scope: MjcfScope, carrier: _Carrier) -> None:
         values = scope.defaults.values(element, scope.childclass)
-        if not element.attributes.get("name") or "fromto" in values:
+        if not element.attributes.get("name"):
+            return
+        name = scope.named(values.name("name"))
+        scope.keep("site", name)
+        if "fromto" in values:
             return
         rotation, translation = placed(frame, pose_of(values, scope.document.compiler))
-        name = scope.named(values.name("name"))
         self.tree.sites.setdefault(name, (carrier.name, (rotation, translation + carrier.origin)))
 
     def _body(self, element: Element, frame: Pose, scope: MjcfScope, carrier: _Carrier) -> None:
@@ -192,7 +193,9 @@ class _TreeReader:
     def _named(self, values: Values, scope: MjcfScope, word: str, before: int) -> str:
         """Return the name of an element; one without a name gets the word with the first free number."""
         if values.text("name", ""):
-            return scope.named(values.name("name"))
+            name = scope.named(values.name("name"))
+            scope.keep(word, name)
+            return name
         taken = {*self._given, *self.tree.bodies, *self.tree.joints}
         return numbered(word, before + 1, taken)
 
@@ -274,8 +277,6 @@ class _TreeReader:
             rotation = rotation @ rotation_about(axis, -ref)
         else:
             translation = translation - ref * rotation @ axis
-        if scope.suffix and element.attributes.get("name"):
-            self.tree.copies.setdefault(name.removesuffix(scope.suffix), []).append(scope.suffix)
         self.tree.joints[name] = JointSource(element, values.at_least_zero("armature", 0.0), ref)
         joint = Connection(
             name, kind, "", "", rotation, translation, axis, _limits(values, scope, unit),
@@ -311,18 +312,23 @@ def _kind(child: Placed) -> str:
 def _limits(values: Values, scope: MjcfScope, unit: float) -> JointLimits:
     """Return the limits of position and torque that a joint states."""
     lower, upper = -np.inf, np.inf
-    if _is_limited(values, scope, "limited", "range"):
+    if is_limited(values, scope, "limited", "range"):
         lower, upper = unit * values.numbers("range", 2)
         if not lower < upper:
             step = "exchange the two numbers"
             raise values.place.error(f"range {shown(values.text('range'))} ends below its start", step)
     effort = np.inf
-    if _is_limited(values, scope, "actuatorfrclimited", "actuatorfrcrange"):
+    if is_limited(values, scope, "actuatorfrclimited", "actuatorfrcrange"):
         effort = float(np.abs(values.numbers("actuatorfrcrange", 2)).max())
     return JointLimits(lower=float(lower), upper=float(upper), effort=effort)
 
 
-def _is_limited(values: Values, scope: MjcfScope, flag: str, bounds: str) -> bool:
+def is_limited(values: Values, scope: MjcfScope, flag: str, bounds: str) -> bool:
+    """Return whether a range is a limit, by the flag for it or by itself.
+
+    Raises:
+        DescriptionError: It has no flag, and a range alone makes no limit by the settings of the model.
+    """
     word = values.choice(flag, ("true", "false", "auto"), "auto")
     if word == "auto" and bounds in values and not scope.document.compiler.autolimits:
         if np.any(values.numbers(bounds, 2)):

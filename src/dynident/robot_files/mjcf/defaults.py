@@ -66,10 +66,11 @@ class Defaults:
             raise element.place.error(f"there is no defaults class {shown(name)}", step)
         return Values(element.place, merged(self._classes[name].get(kind or _key(element.tag), {}), given))
 
-    def attach(self, prefix: str, inner: Defaults) -> None:
-        """Add the classes of an attached model, whose names begin with a prefix here; a name that is taken stays."""
-        for name, one in inner._classes.items():
-            self._classes.setdefault(prefix + name, one)
+    def with_attached(self, prefix: str, inner: Defaults) -> Defaults:
+        """Return these and those of an attached model, whose names begin with a prefix; a name that is taken stays."""
+        both = Defaults(())
+        both._classes = {prefix + name: one for name, one in inner._classes.items()} | self._classes
+        return both
 
     def check(self, element: Element, name: str) -> None:
         """Refuse a ``childclass`` that is none, as :meth:`values` does."""

@@ -23,7 +23,7 @@ MAX_BYTES: Final = 20_000_000
 MAX_FILES: Final = 200
 
 #: Sections that say nothing of bodies and joints: passed over.
-_PASSED: Final = frozenset("size visual statistic extension custom contact sensor keyframe".split())
+_PASSED: Final = frozenset("size visual statistic extension custom sensor keyframe".split())
 #: What MuJoCo calls a model without a name.
 _UNNAMED: Final = "MuJoCo Model"
 _LANGUAGE: Final = XmlLanguage("MJCF", ("mujoco", "mujocoinclude"), "body")

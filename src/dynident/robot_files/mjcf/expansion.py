@@ -12,7 +12,7 @@ from dynident.errors import nearest
 from dynident.model.documents.numbers import shown
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed, pose_of
-from dynident.robot_files.mjcf.scope import MjcfScope
+from dynident.robot_files.mjcf.scope import MjcfScope, Replica
 from dynident.robot_files.rotations import rotation_from_euler
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
 from dynident.robot_files.xml_values import Values
@@ -32,7 +32,6 @@ class Expansion:
     def __init__(self, document: MjcfDocument) -> None:
         self._top = MjcfScope.of(document)
         self._attached: dict[tuple[str, str, str], MjcfScope] = {}
-        self._frames: dict[str, tuple[Element, MjcfScope]] = {}
         self._count = 0
 
     @property
@@ -64,7 +63,7 @@ class Expansion:
         values = Values(element.place, element.attributes)
         if values.number("scale", 1.0) != 1.0:
             raise values.place.error("a frame with a scale is not read", "scale what is in it, and remove the scale")
-        self._frames.setdefault(scope.named(values.text("name", "")), (element, scope))
+        scope.keep_frame(element)
         yield from self.flat(element, placed(frame, pose_of(values, scope.document.compiler)), scope.inner(element))
 
     def _replicas(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[Placed]:
@@ -78,9 +77,10 @@ class Expansion:
         digits = len(str(int(copies) - 1)) if copies > 1 else 1
         place = np.zeros(3)
         for number in range(int(copies)):
-            suffix = f"{values.text('sep', '')}{number:0{digits}d}{scope.suffix}"
+            ending = f"{values.text('sep', '')}{number:0{digits}d}{scope.suffix}"
             rotation = rotation_from_euler(number * angles, compiler.sequence)  # as MuJoCo: not one turn after another
-            held = replace(scope, suffix=suffix).inner(element)
+            replica = Replica((str(element.path), element.number), ending)
+            held = replace(scope, replicas=(*scope.replicas, replica)).inner(element)
             yield from self.flat(element, placed(frame, (rotation, place)), held)
             place = place + rotation @ offset
 
@@ -91,10 +91,10 @@ class Expansion:
         """
         values = Values(element.place, element.attributes)
         own = scope.attached(values)
+        own = self._attached.setdefault((str(own.document.path), own.prefix, own.suffix), own)
         self._count += 1
         if self._count > 10 * MAX_LINKS:
             raise values.place.error(f"more than {10 * MAX_LINKS} models are attached", "give the MJCF of one robot")
-        self._attached.setdefault((str(own.document.path), own.prefix, own.suffix), own)
         if "body" in values and "frame" in values:
             raise values.place.error("it names a body and a frame", "keep one of the two")
         if values.text("body", "") == _WORLD:
@@ -106,7 +106,7 @@ class Expansion:
         elif "frame" in values:
             for _ in self._bodies(self._in_world(own)):  # passes all frames
                 pass
-            found = ((name, *one) for name, one in self._frames.items())
+            found = ((name, *one) for name, one in own.names.frames.items())
             yield from self._framed(*self._found(values, "frame", own, found), frame)
         else:
             yield from ((child, placed(frame, pose), held) for child, pose, held in self._in_world(own))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,41 @@ from dynident.robot_files.xml_values import Values
 _MAX_ATTACHED: Final = 8
 
 
+class Replica(NamedTuple):
+    """A copy that a ``<replicate>`` makes.
+
+    Attributes:
+        source: File and number of the ``<replicate>``.
+        ending: What names in it end with, after all copies of copies.
+    """
+
+    source: tuple[str, int]
+    ending: str
+
+
+#: The replicas that a name is copied by, from outside in.
+Copy = tuple[Replica, ...]
+
+
+@dataclass(frozen=True)
+class Names:
+    """What the elements of a model call bodies, joints, sites and tendons, and where its frames are.
+
+    Attributes:
+        copies: The copies that a kind and name stand for; a copy has a name of its own too, of fewer copies.
+        makers: The ``<replicate>``s that made a copy, by its kind and name.
+        frames: The frames by their names in the whole model, with what holds where they stand.
+    """
+
+    copies: dict[tuple[str, str], list[Copy]] = field(default_factory=dict)
+    makers: dict[tuple[str, str], set[tuple[str, int]]] = field(default_factory=dict)
+    frames: dict[str, tuple[Element, MjcfScope]] = field(default_factory=dict)
+
+    def of(self, kind: str) -> list[str]:
+        """Return the names of one kind."""
+        return [name for one, name in self.copies if one == kind]
+
+
 @dataclass(frozen=True)
 class MjcfScope:
     """What holds for the elements of a part of the tree.
@@ -27,22 +62,26 @@ class MjcfScope:
     Attributes:
         document: Their model.
         defaults: Its classes, and those of the models attached to it.
+        own: Its classes: what elements outside of bodies have.
         geoms: Its geoms.
         models: The models attached to it, by the name that it gives them, as they are on their own.
         childclass: The class that elements have by default.
         prefix: What comes before names.
-        suffix: What comes behind names.
-        is_attached: Whether the model is attached to another.
+        replicas: The replicas of its own that the part stands in, from outside in.
+        outer: The part of another model that it is attached to.
+        names: What it calls bodies, joints, sites and tendons.
     """
 
     document: MjcfDocument
     defaults: Defaults
+    own: Defaults
     geoms: Geoms
     models: Mapping[str, MjcfScope] = field(default_factory=dict)
     childclass: str = ""
     prefix: str = ""
-    suffix: str = ""
-    is_attached: bool = False
+    replicas: Copy = ()
+    outer: MjcfScope | None = None
+    names: Names = field(default_factory=Names)
 
     @classmethod
     def of(cls, document: MjcfDocument) -> MjcfScope:
@@ -61,19 +100,59 @@ class MjcfScope:
         self.defaults.check(element, name)
         return replace(self, childclass=name)
 
+    def within(self, copy: Copy) -> MjcfScope:
+        """Return what holds in other replicas."""
+        return replace(self, replicas=copy)
+
     def attached(self, values: Values) -> MjcfScope:
         """Return what holds at the top of the model that an ``<attach>`` in this part names."""
         prefix = self.prefix + values.text("prefix")
-        return replace(self.models[values.text("model")], prefix=prefix, suffix=self.suffix, is_attached=True)
+        return replace(self.models[values.text("model")], prefix=prefix, outer=self, names=Names())
+
+    @property
+    def suffix(self) -> str:
+        """What names in the part end with."""
+        return self.ending(len(self.replicas))
+
+    def ending(self, depth: int) -> str:
+        """Return what names end with in so many of the replicas, counted from outside."""
+        if depth:
+            return self.replicas[depth - 1].ending
+        return "" if self.outer is None else self.outer.suffix
 
     def named(self, name: str) -> str:
         """Return a name as the whole model has it."""
         return f"{self.prefix}{name}{self.suffix}"
 
+    def keep(self, kind: str, name: str) -> None:
+        """Note a name of the whole model, of a body, joint, site or tendon, here and where the model is attached.
+
+        What names it without what replicas add stands for one in each of them; with what the inner ones add, for one
+        in each of the outer ones.
+        """
+        for depth in range(len(self.replicas) + 1):
+            known = kind, name[len(self.prefix) : len(name) - len(self.ending(depth))]
+            self.names.copies.setdefault(known, []).append(self.replicas[:depth])
+            self.names.makers.setdefault(known, set()).update(one.source for one in self.replicas[depth:])
+        if self.outer is not None:
+            self.outer.keep(kind, name)
+
+    def keep_frame(self, element: Element) -> None:
+        """Note a frame, here and where the model is attached."""
+        name, scope = element.attributes.get("name", ""), self
+        while name and scope is not None:
+            scope.names.frames.setdefault(self.named(name), (element, self))
+            scope = scope.outer
+
+    def copies(self, kind: str, name: str) -> list[Copy]:
+        """Return the copies of a body, joint, site or tendon that the model calls so; none of one that is not there."""
+        return self.names.copies.get((kind, name), [])
+
 
 def _top(document: MjcfDocument, read: dict[str, MjcfScope], depth: int) -> MjcfScope:
     """Return what holds at the top of a model; ``read`` has the attached models by path, each of which is read once."""
-    defaults, models = Defaults(document.sections.get("default", [])), dict[str, MjcfScope]()
+    own, models = Defaults(document.sections.get("default", [])), dict[str, MjcfScope]()
+    defaults = own
     for element in (one for world in document.sections["worldbody"] for one in world.below() if one.tag == "attach"):
         values = Values(element.place, element.attributes)
         name, prefix = values.text("model"), values.text("prefix")
@@ -82,8 +161,8 @@ def _top(document: MjcfDocument, read: dict[str, MjcfScope], depth: int) -> Mjcf
         if name not in models:
             models[name] = _model(values.place, document, name, read, depth)
             _check_options(values.place, document, models[name].document)
-        defaults.attach(prefix, models[name].defaults)
-    return MjcfScope(document, defaults, Geoms(document, defaults), models)
+        defaults = defaults.with_attached(prefix, models[name].defaults)
+    return MjcfScope(document, defaults, own, Geoms(document, defaults), models)
 
 
 def _model(place: Place, document: MjcfDocument, name: str, read: dict[str, MjcfScope], depth: int) -> MjcfScope:
@@ -95,6 +174,10 @@ def _model(place: Place, document: MjcfDocument, name: str, read: dict[str, Mjcf
         if own is None or own == name:
             file = Values(element.place, element.attributes).name("file")
             path = document.folder / file
+            if path.suffix.lower() == ".urdf":
+                saved = f"mujoco.mj_saveLastXML('{path.stem}.xml', mujoco.MjModel.from_xml_path('{path.name}'))"
+                step = f"write it as an MJCF beside it, in Python by {saved}, and name that file"
+                raise place.error(f"the attached model {shown(file)} is a URDF", step)
             if str(path) not in read:
                 inner = read_document(path, document.beside(element, "file", file), document.known)
                 read[str(path)] = _top(inner, read, depth + 1)

@@ -8,24 +8,21 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from dynident.errors import nearest
 from dynident.model.documents.numbers import shown
 from dynident.model.robot import Drive, Mimic
-from dynident.robot_files.mjcf.bodies import MjcfTree
+from dynident.robot_files.mjcf.bodies import WORLD, MjcfTree, is_limited
 from dynident.robot_files.mjcf.defaults import ACTUATORS
 from dynident.robot_files.mjcf.document import MjcfDocument
+from dynident.robot_files.mjcf.references import Tendon, copies_named, is_left, parts_with, tendons_in
 from dynident.robot_files.mjcf.scope import MjcfScope
-from dynident.robot_files.tree import Connection, ring, with_held
+from dynident.robot_files.tree import Connection, ring, tied_by_lengths, with_held
 from dynident.robot_files.xml_elements import Element
 from dynident.robot_files.xml_values import Values
 
 _RIGID: Final = "arms of rigid links moved by joints are read"
 _LEAST_GEAR: Final = 1e-12
-_ENDS: Final = ("joint1", "joint2")
+_ENDS: Final = {kind: (f"{kind}1", f"{kind}2") for kind in ("joint", "tendon", "body")}
 _JOINTS: Final = ("joint", "jointinparent")
-_BODIES: Final = ("body", "body1", "body2")
-_SITES: Final = ("site", "site1", "site2", "cranksite", "slidersite", "refsite")
-_TENDONS: Final = ("tendon", "tendon1", "tendon2")
 _PARAMETERS: Final = ("dyntype", "gaintype", "biastype")
 
 
@@ -39,10 +36,12 @@ def tied(document: MjcfDocument, tree: MjcfTree) -> list[Connection]:
     for element, _ in _each(tree, "deformable"):
         if element.tag == "flex":
             raise element.place.error("a flexible body is not read", f"remove it: {_RIGID}")
-    joints = tree.connections if "equality" in document.disabled else _followed(tree)
-    for element, scope in _each(tree, "tendon"):
-        if not _is_left_tendon(element, scope, tree):
-            _note_tendon(document, scope.defaults.values(element, "", "tendon"), element, tree)
+    for element in tree.scopes[0].document.each("contact"):
+        for key in _ENDS["body"] if element.tag == "exclude" else ():
+            if element.attributes.get(key, WORLD) != WORLD:
+                copies_named(Values(element.place, element.attributes), "body", key, tree.scopes[0])
+    tendons = {name: one for scope in tree.scopes for name, one in _tendons(scope, document, tree)}
+    joints = tree.connections if "equality" in document.disabled else _followed(tree, tendons)
     joints = _driven(tree, joints)
     damped, rubs = "damper" not in document.disabled, "frictionloss" not in document.disabled
     return [
@@ -51,30 +50,38 @@ def tied(document: MjcfDocument, tree: MjcfTree) -> list[Connection]:
     ]
 
 
-def _followed(tree: MjcfTree) -> list[Connection]:
+def _tendons(scope: MjcfScope, document: MjcfDocument, tree: MjcfTree) -> Iterator[tuple[str, Tendon]]:
+    """Yield the tendons of a model by name; those with a torque of their own are noted."""
+    noted = list[Element]()
+    for name, tendon in tendons_in(scope):
+        if all(tendon.element is not one for one in noted):
+            noted.append(tendon.element)
+            _note_tendon(document, scope.own.values(tendon.element, "", "tendon"), tendon.element, tree)
+        yield name, tendon
+
+
+def _followed(tree: MjcfTree, tendons: Mapping[str, Tendon]) -> list[Connection]:
     joints = {joint.name: joint for joint in tree.connections}
     ties: dict[str, Element] = {}
     still: dict[str, float] = {}
-    for element, scope, suffix in _equalities(tree):
-        values = scope.defaults.values(element, "", "equality")
+    for element, given, held in _equalities(tree):
         if element.tag == "tendon":
-            values = _of_joints(values, scope, tree, ties)
-        elif element.tag != "joint":
-            bodies = [scope.named(values.text(key)) for key in _BODIES if key in values]
-            mocap = [name for name in bodies if _is_mocap(name, tree)]
-            if mocap:  # a handle of the simulator
-                tree.note("what ties it to mocap bodies", mocap[0])
-                continue
+            values = _of_joints(given, held, tendons, ties)
+        elif element.tag == "joint":
+            names = {key: held.named(given.text(key)) for key in _ENDS["joint"] if key in given}
+            values = Values(given.place, {**given.given, **names})
+        elif mocap := _mocap(given, held, tree):  # a handle of the simulator
+            tree.note("what ties it to mocap bodies", mocap[0])
+            continue
+        else:
             step = 'remove it, or write active="false": loops of bodies are not read'
-            raise values.place.error(f"the equality constraint <{element.tag}> closes a loop of bodies", step)
-        names = {key: scope.prefix + values.text(key) + suffix for key in _ENDS if key in values}
-        values = replace(values, given={**values.given, **names})
-        one = _joint_named(values, "joint1", joints, tree)
+            raise given.place.error(f"the equality constraint <{element.tag}> closes a loop of bodies", step)
+        one = values.text("joint1")
         if one in ties:
             evidence = f"joint {shown(one)} is tied twice, at line {ties[one].line} too: redundant equalities"
             raise values.place.error(evidence, "keep one of the two")
         ties[one] = element
-        tie = _tie(values, joints, joints[one], tree)
+        tie = _tie(values, joints[one], tree)
         if isinstance(tie, Mimic):
             joints[one] = replace(joints[one], mimic=tie)
         else:
@@ -83,8 +90,12 @@ def _followed(tree: MjcfTree) -> list[Connection]:
     return list(with_held(joints, still).values())
 
 
-def _is_mocap(name: str, tree: MjcfTree) -> bool:
-    return name in tree.sources and tree.sources[name].element.attributes.get("mocap") == "true"
+def _mocap(values: Values, scope: MjcfScope, tree: MjcfTree) -> list[str]:
+    """Return the mocap bodies that an equality names, as the whole model calls them."""
+    keys = [key for key in _ENDS["body"] if key in values]
+    copies = ((scope.within(copy), key) for key in keys for copy in scope.copies("body", values.text(key)))
+    names = (held.named(values.text(key)) for held, key in copies)
+    return [name for name in names if tree.sources[name].element.attributes.get("mocap") == "true"]
 
 
 def _each(tree: MjcfTree, section: str) -> Iterator[tuple[Element, MjcfScope]]:
@@ -93,84 +104,31 @@ def _each(tree: MjcfTree, section: str) -> Iterator[tuple[Element, MjcfScope]]:
         yield from ((element, scope) for element in scope.document.each(section))
 
 
-def _is_left(values: Values, scope: MjcfScope, tree: MjcfTree) -> bool:
-    """Return whether an element of an attached model stays behind, as what it names is not attached."""
-    if not scope.is_attached:
-        return False
-    if any(not _endings(values.text(key), scope, tree) for key in (*_JOINTS, *_ENDS) if key in values):
-        return True
-    tendons = [
-        one for one in scope.document.each("tendon") if one.attributes.get("name") in map(values.given.get, _TENDONS)
-    ]
-    if any(_is_left_tendon(one, scope, tree) for one in tendons):
-        return True
-    for keys, known in ((_BODIES, tree.sources), (_SITES, tree.sites)):
-        for name in (scope.prefix + values.text(key) for key in keys if key in values):
-            if not any(one.startswith(name) and one.endswith(scope.suffix) for one in known):
-                return True
-    return False
-
-
-def _is_left_tendon(element: Element, scope: MjcfScope, tree: MjcfTree) -> bool:
-    return any(_is_left(Values(one.place, one.attributes), scope, tree) for one in element.children)
-
-
-def _of_joints(values: Values, scope: MjcfScope, tree: MjcfTree, tied: Collection[str]) -> Values:
-    """Return the equality of a tendon over one or two joints as that of the joints.
-
-    The length of ``<fixed>`` is the sum of coef * (q - ref); the second joint follows the first, unless it follows one.
-    """
-    tendons = {one.attributes.get("name", ""): one for one in scope.document.each("tendon")}
-    name = values.text("tendon1")
-    if name not in tendons:
-        raise values.place.error(f"there is no tendon {shown(name)}", f"correct the name{nearest(name, tendons)}")
-    rows = [Values(one.place, one.attributes) for one in tendons[name].children]
-    parts = {row.text("joint"): row.number("coef") for row in rows if "joint" in row}
-    plain = tendons[name].tag == "fixed" and len(parts) == len(rows) <= 2 and all(parts.values())
-    is_copied = any(_endings(part, scope, tree) != [scope.suffix] for part in parts)
-    if "tendon2" in values or not plain or is_copied:
+def _of_joints(values: Values, held: MjcfScope, tendons: Mapping[str, Tendon], tied: Collection[str]) -> Values:
+    """Return the equality of one or two ``<fixed>`` tendons over one or two joints as that of the joints."""
+    lengths = [tendons[held.named(values.text(key))].parts for key in _ENDS["tendon"] if key in values]
+    polynomial = values.numbers("polycoef", 1, 5) if "polycoef" in values else np.zeros(0)
+    tie = tied_by_lengths(lengths, [*polynomial, *(0.0, 1.0)[len(polynomial) :]], tied)
+    if tie is None:
         step = 'write active="false", or couple two joints by an equality of joints (<joint joint1= joint2= polycoef=>)'
-        raise values.place.error("an equality of tendons, other than a <fixed> one of two joints", step)
-    (one, ratio), *other = reversed(parts.items())
-    if other and scope.named(one) in tied:
-        (one, ratio), other = other[0], [(one, ratio)]
-    constant = values.numbers("polycoef", 1, 5)[0] / ratio if "polycoef" in values else 0.0
-    given = {"joint1": one, "polycoef": f"{float(constant)!r}"}
-    for leader, share in other:
-        given |= {"joint2": leader, "polycoef": f"{float(constant)!r} {-share / ratio!r}"}
-    return Values(values.place, given)
+        raise values.place.error("an equality of tendons, other than a linear one of two joints by <fixed>", step)
+    one, leader, constant, slope = tie
+    follows = {"joint2": leader, "polycoef": f"{constant!r} {slope!r}"} if leader else {"polycoef": f"{constant!r}"}
+    return Values(values.place, {"joint1": one, **follows})
 
 
-def _equalities(tree: MjcfTree) -> Iterator[tuple[Element, MjcfScope, str]]:
-    """Yield the active equalities, of joints in a ``<replicate>`` once a copy, with what names there end with."""
+def _equalities(tree: MjcfTree) -> Iterator[tuple[Element, Values, MjcfScope]]:
+    """Yield the active equalities, those in a ``<replicate>`` once a copy, with the part of the model of each."""
     for element, scope in _each(tree, "equality"):
-        values = scope.defaults.values(element, "", "equality")
-        if not values.flag("active", True) or _is_left(values, scope, tree):
+        values = scope.own.values(element, "", "equality")
+        if not values.flag("active", True) or is_left(values, scope):
             continue
-        ends = [_endings(values.text(key), scope, tree) for key in _ENDS if key in values]
-        if len(ends) == 2 and ends[0] != ends[1]:
-            evidence = "no <replicate> copies both of its joints"
-            names = f"{values.text('joint1')}{ends[0][0]} and {values.text('joint2')}{ends[1][0]}"
-            raise values.place.error(evidence, f"name those of copies, such as {names}")
-        yield from ((element, scope, suffix) for suffix in (ends[0] if ends else [scope.suffix]))
+        kind = element.tag
+        held = parts_with(values, kind, _ENDS[kind], scope) if kind in ("joint", "tendon") else [scope]
+        yield from ((element, values, one) for one in held)
 
 
-def _endings(name: str, scope: MjcfScope, tree: MjcfTree) -> list[str]:
-    """Return what the names of the copies of a joint end with; of an attached model, none where it is not attached."""
-    known = tree.copies.get(scope.prefix + name, [scope.suffix])
-    ends = [end for end in known if end.endswith(scope.suffix)]
-    return [end for end in ends if scope.prefix + name + end in tree.joints] if scope.is_attached else ends
-
-
-def _joint_named(values: Values, key: str, joints: Mapping[str, Connection], tree: MjcfTree) -> str:
-    name = values.text(key)
-    if name not in tree.joints:
-        known = [joint for joint in joints if joint in tree.joints]
-        raise values.place.error(f"{key} {shown(name)} is no joint", f"correct the name{nearest(name, known)}")
-    return name
-
-
-def _tie(values: Values, joints: Mapping[str, Connection], joint: Connection, tree: MjcfTree) -> Mimic | float:
+def _tie(values: Values, joint: Connection, tree: MjcfTree) -> Mimic | float:
     """Return how a joint follows another, or at what position an equality constraint holds it still."""
     coefficients = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
     given = values.numbers("polycoef", 1, 5) if "polycoef" in values else coefficients
@@ -182,7 +140,7 @@ def _tie(values: Values, joints: Mapping[str, Connection], joint: Connection, tr
     if np.any(coefficients[2:]):
         step = "write a linear one: the last three numbers of polycoef are 0"
         raise values.place.error(f"polycoef {shown(values.text('polycoef'))} is not linear", step)
-    other = _joint_named(values, "joint2", joints, tree)
+    other = values.text("joint2")
     if slope == 0.0:
         step = "remove joint2 to hold the joint still, or correct polycoef"
         raise values.place.error(f"polycoef {shown(values.text('polycoef'))} does not follow joint2", step)
@@ -211,26 +169,23 @@ def _driven(tree: MjcfTree, joints: list[Connection]) -> list[Connection]:
     found = {joint.name: joint for joint in joints}
     motors: dict[str, list[_Motor]] = {}
     for element, scope in _each(tree, "actuator"):
-        values = scope.defaults.values(element, "")
-        if _is_left(values, scope, tree):
+        values = scope.own.values(element, "")
+        if is_left(values, scope):
             continue
         words = {values.text(name, "") for name in _PARAMETERS}
         if element.tag == "muscle" or "muscle" in words:
             raise values.place.error("a muscle is not read", f"replace it by a motor of the joint: {_RIGID}")
-        name = next((values.text(key) for key in _JOINTS if key in values), "")
+        key = next((key for key in _JOINTS if values.text(key, "")), "")
         states = [key for key in ("armature", "damping") if key in values and np.any(values.numbers(key, 1, 3))]
-        if element.tag not in ACTUATORS or not name:
+        if element.tag not in ACTUATORS or not key:
             if states:
                 tree.note("armature and damping of actuators beside joints", values.text("name", element.tag))
             continue
-        names = [scope.prefix + name + end for end in _endings(name, scope, tree)]
-        if names and names[0] not in tree.joints:
-            step = f"correct the name{nearest(name, tree.joints)}"
-            raise values.place.error(f"its joint {shown(name)} is not there", step)
-        motor = _motor(values, element)
+        motor = _motor(values, element, scope)
         if motor is None:
             continue
-        for name in names:
+        for held in parts_with(values, "joint", (key,), scope):
+            name = held.named(values.text(key))
             motors.setdefault(name, []).append(motor)
             if "damping" in states and np.any(values.numbers("damping", 1, 3)[1:]):
                 tree.note("damping of second and third order", name)
@@ -248,16 +203,16 @@ class _Motor(NamedTuple):
     force: float
 
 
-def _motor(values: Values, element: Element) -> _Motor | None:
+def _motor(values: Values, element: Element, scope: MjcfScope) -> _Motor | None:
     """Return what an actuator states; None for one that gives no torque."""
     gear = float(values.numbers("gear", 1, 6)[0]) if "gear" in values else 1.0
     if abs(gear) < _LEAST_GEAR:
         return None
     damping = float(values.numbers("damping", 1, 3)[0]) if "damping" in values else 0.0
     force = np.inf
-    if "forcerange" in values and values.text("forcelimited", "auto") != "false":
+    if is_limited(values, scope, "forcelimited", "forcerange"):
         force = float(np.abs(values.numbers("forcerange", 2)).max())
-    elif element.tag == "motor" and "ctrlrange" in values and values.text("ctrllimited", "auto") != "false":
+    elif element.tag == "motor" and is_limited(values, scope, "ctrllimited", "ctrlrange"):
         force = float(np.abs(values.numbers("ctrlrange", 2)).max())
     return _Motor(gear, values.at_least_zero("armature", 0.0), damping, force if force > 0 else np.inf)
 
