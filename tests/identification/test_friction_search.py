@@ -13,20 +13,18 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.data.preprocessing.as_given import AsGiven
-from dynident.errors import BadOption, LogMismatch, SolverFailed
-from dynident.identification.files.estimate_file import read_estimate, summary, write_estimate
+from dynident.errors import BadOption, LogMismatch
+from dynident.identification.files.estimate_file import read_estimate, write_estimate
 from dynident.identification.identify import identify
-from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import RegressorStream
-from dynident.identification.selection.friction import alike, column_pool
-from dynident.identification.selection.friction.alike import same_for_all
+from dynident.identification.selection.friction import column_pool
 from dynident.identification.selection.friction.column_pool import PooledLogs
-from dynident.identification.selection.friction.friction_choice import choose_friction
 from dynident.identification.selection.friction.nested_fits import NestedFits, fit
 from dynident.identification.selection.friction.variable_projection import vary_fields
 from dynident.identification.validate import validate
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION, auto_friction
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
@@ -37,7 +35,6 @@ from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
 from dynident.results.choices import choice_tables
-from dynident.results.text import plain
 
 #: Friction of the three joints of ``mixed``.
 TRUTH = np.array([3.0, 2.0, 3.0, 4.0, 0.15, 2.0, 1.5])
@@ -68,21 +65,17 @@ def mixed_log(mixed: DynamicModel, exact_log: MakeLog) -> Log:
     return exact_log(mixed, with_friction(mixed, TRUTH), noise=0.3, samples=1600, rate=80.0)
 
 
-def test_the_friction_of_each_joint_is_chosen(
+def test_friction_is_chosen_and_the_report_says_what_was_tried(
     mixed: DynamicModel, mixed_log: Log, exact_log: MakeLog, tmp_path: Path
 ) -> None:
     other_log = exact_log(mixed, with_friction(mixed, TRUTH), noise=0.3, samples=1000, rate=70.0, size=0.8, seed=5)
     bare = DynamicModel(mixed.robot)
     estimate = identify(bare, [mixed_log], "wls", GIVEN, choose_friction=True)
-    chosen = estimate.choices.friction_choice
-    assert chosen is not None
-    on = {
-        name: {part.split()[0] for step in steps if step.chosen for part in step.parts}
-        for name, steps in chosen.joints.items()
-    }
-    assert {"load", "degressive"} <= on["joint2"] and "viscous" not in on["joint2"]
-    for name in ("joint1", "joint3"):
-        assert {"coulomb", "viscous"} <= on[name] and "load" not in on[name]
+    drafted = identify(replace(bare, friction=auto_friction()), [mixed_log], "wls", GIVEN)
+    assert estimate.model.friction == drafted.model.friction
+    np.testing.assert_array_equal(estimate.beta, drafted.beta)
+    taken = {FRICTION.name_of(part) for part in estimate.model.friction}
+    assert {"coulomb", "viscous", "degressive", "load"} <= taken and "stribeck" not in taken
     known = identify(mixed, [mixed_log], "wls", GIVEN)
     default = identify(DynamicModel(mixed.robot, ("coulomb", "viscous", "offset")), [mixed_log], "wls", GIVEN)  # type: ignore[arg-type]
     found, right, wrong = (validate(each, [other_log]).total_relative_error for each in (estimate, known, default))
@@ -91,78 +84,28 @@ def test_the_friction_of_each_joint_is_chosen(
     read = read_estimate(tmp_path / "chosen.json")
     assert read.model.friction == estimate.model.friction
     np.testing.assert_array_equal(read.beta, estimate.beta)
-    steps = summary(read)["extras"]["friction_choice"]["joints"]["joint2"]
-    assert sum(step["chosen"] for step in steps) == 1 and steps[0]["parts"] == []
-    (title, table), (other, alike), (fields, widths) = choice_tables(read.choices)
-    assert title == "Friction model selection by joint" and "+ load" in plain(table)
-    assert other == "Shared friction model" and plain(alike).count("yes") == 1
-    assert fields.startswith("Cross-validation of given") and {row[0] for row in widths.rows} == {
-        "coulomb, load",
-        "rotor_inertia",
-        "degressive",
-        "load",
-        "stribeck",
-        "presliding",
-    }
+    ((title, table),) = choice_tables(read.choices)
+    assert title.startswith("Cross-validation of given")
+    tried = {row[0] for row in table.rows}
+    assert {"coulomb, load", "rotor_inertia", "degressive", "load", "stribeck", "presliding"} == tried
 
 
-@pytest.mark.parametrize("velocity", [0.06, 0.1, 0.15])
+@pytest.mark.parametrize(("velocity", "exponent"), [(0.06, 1.0), (0.15, 1.0), (0.06, 2.0), (0.15, 2.0)])
 def test_stribeck_friction_is_chosen_where_the_log_has_slow_motion(
-    spatial_3r: Robot, exact_log: MakeLog, velocity: float
+    spatial_3r: Robot, exact_log: MakeLog, velocity: float, exponent: float
 ) -> None:
-    """Between the velocities that the choice begins with, too: each drive's is found from the log."""
-    truth = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous(), Stribeck(velocity)))
-    values = np.tile([3.0, 1.0, 2.0], 3)
-    log = exact_log(truth, with_friction(truth, values), noise=0.3, samples=3000, rate=100.0, size=0.5, seed=1)
-    choice = choose_friction(DynamicModel(spatial_3r), [preprocess(log, GIVEN)])
-    for steps in choice.steps.values():
-        (parts,) = (step.parts for step in steps if step.chosen)
-        assert {"coulomb", "viscous", "stribeck"} == {part.split()[0] for part in parts}, parts
-    found = [part for part in choice.friction if isinstance(part, Stribeck)]
-    assert all(part.velocity == pytest.approx(velocity, rel=0.12) for part in found), found
-    shown = {part for steps in choice.steps.values() for step in steps for part in step.parts}
-    assert {f"stribeck (velocity {part.velocity:.3g})" for part in found} <= shown
-
-
-def test_one_friction_for_all_is_taken_where_it_is_as_good(
-    mixed: DynamicModel, exact_log: MakeLog, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Drives that are alike get one list, whatever lists they were given; one that differs much keeps its own."""
-    robot = mixed.robot
-    plain_drives = DynamicModel(robot, (Coulomb(0.02), Viscous()))
-    log = exact_log(
-        plain_drives, with_friction(plain_drives, np.tile([3.0, 1.5], 3)), noise=0.3, samples=2000, rate=100.0
-    )
-    given = (Coulomb(0.02), Viscous(joints=("joint1", "joint2")), Degressive(joints=("joint3",)))
-    found, compared = same_for_all(replace(plain_drives, friction=given), [preprocess(log, GIVEN)])
-    assert all(part.joints is None for part in found.friction)
-    assert sum(each.chosen for each in compared) == 1 and compared[0].parts == ("each its own",)
-    sticky = DynamicModel(robot, (Coulomb(0.02), Viscous(), Stribeck(0.1, joints=("joint1",))))
-    values = np.array([3.0, 1.5, 4.0, 3.0, 1.5, 3.0, 1.5])
-    assert len(sticky.parameters) == sticky.inertial_count + len(values)
-    log = exact_log(sticky, with_friction(sticky, values), noise=0.05, samples=2000, rate=100.0, size=0.3)
-    kept, compared = same_for_all(sticky, [preprocess(log, GIVEN)])
-    assert kept.friction == sticky.friction and compared[0].chosen
-    assert same_for_all(plain_drives, [preprocess(log, GIVEN)]) == (plain_drives, ())
-
-    held_out = alike.fold_errors
-
-    def unsolved(problem: Problem, scale: Array) -> Array | None:
-        if any(part.joints is not None for part in problem.model.friction):
-            raise SolverFailed("the consistent fit", "none", "none")
-        return held_out(problem, scale)
-
-    monkeypatch.setattr(alike, "fold_errors", unsolved)
-    found, compared = same_for_all(sticky, [preprocess(log, GIVEN)])
-    assert all(part.joints is None for part in found.friction)
-    assert all(np.isfinite(each.cross_validation_error) for each in compared)
-    assert sum(each.chosen for each in compared) == 1
-
-
-def test_too_short_a_log_chooses_nothing(mixed: DynamicModel, exact_log: MakeLog) -> None:
-    log = exact_log(mixed, with_friction(mixed, np.ones(7)), samples=60)
-    with pytest.raises(LogMismatch, match=r"held-out parts has .* rows in motion, .* are needed; give a longer log"):
-        choose_friction(mixed, [preprocess(log, GIVEN)])
+    """Velocity and exponent are found together, whatever is stated of them; presliding does not stand for either."""
+    truth = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous(), Stribeck(velocity, exponent)))
+    values = with_friction(truth, np.tile([3.0, 1.0, 2.0], 3))
+    log = exact_log(truth, values, noise=0.3, samples=3000, rate=100.0, size=0.5, seed=1)
+    chosen = identify(DynamicModel(spatial_3r), [log], "wls", GIVEN, choose_friction=True)
+    assert {FRICTION.name_of(part) for part in chosen.model.friction} == {"coulomb", "viscous", "offset", "stribeck"}
+    (found,) = (part for part in chosen.model.friction if isinstance(part, Stribeck))
+    assert found.velocity == pytest.approx(velocity, rel=0.25) and found.exponent == pytest.approx(exponent, rel=0.25)
+    unseen = exact_log(truth, values, samples=1000, rate=100.0, size=0.5, seed=7)
+    known = identify(truth, [log], "wls", GIVEN)
+    errors = [validate(each, [unseen]).total_relative_error for each in (chosen, known)]
+    assert errors[0] < 1.3 * errors[1]
 
 
 def prepared(model: DynamicModel, values: Array, exact_log: MakeLog, noise: float = 0.05) -> Prepared:
@@ -274,43 +217,6 @@ def test_pools_of_known_rows_are_those_of_new_ones(
         expected[np.ix_(own, own)] += rows[:-1] @ rows[:-1].T
     found = pool.weighted(np.ones(len(names)))[0][pool.shared : -1, pool.shared : -1]
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-9)
-
-
-def test_a_choice_is_held_against_the_friction_it_begins_with(spatial_3r: Robot, exact_log: MakeLog) -> None:
-    """By rows that had no part in it: a drive of its own pays, what only follows the noise does not."""
-    usual = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous()))
-    sticky = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous(), Stribeck(0.1, joints=("joint1",))))
-    plain = exact_log(usual, with_friction(usual, np.tile([3.0, 1.5], 3)), noise=0.3, samples=2000, rate=100.0)
-    apart = exact_log(
-        sticky, with_friction(sticky, np.array([3.0, 1.5, 4.0, 3.0, 1.5, 3.0, 1.5])), noise=0.05, samples=2000,
-        rate=100.0, size=0.3,
-    )  # fmt: skip
-    same, better = (choose_friction(usual, [preprocess(log, GIVEN)]) for log in (plain, apart))
-    assert not same.improves_significantly and same.gain < 2 * same.error + 5e-3
-    assert better.improves_significantly and better.gain > 0.5 and better.record().gain == better.gain
-    kept, compared = same_for_all(
-        replace(usual, friction=better.friction), [preprocess(apart, GIVEN)], improves_significantly=False
-    )
-    assert all(part.joints is None for part in kept.friction) and not compared[0].chosen
-
-
-@pytest.mark.parametrize(("turns", "offered"), [(0.9, ()), (1.1, ("joint1",))])
-def test_torque_that_repeats_with_position_is_chosen_over_a_whole_cycle_alone(
-    spatial_3r: Robot, exact_log: MakeLog, turns: float, offered: tuple[str, ...]
-) -> None:
-    """The first axis stands upright, so no gravity passes for it; the others move less than a turn."""
-    usual = (Coulomb(0.02), Viscous())
-    truth = DynamicModel(spatial_3r, (*usual, Periodic(joints=("joint1",))))
-    values = with_friction(truth, np.array([3.0, 1.5, 2.0, 1.0, 2.0, 1.0, 3.0, 1.5, 3.0, 1.5]))
-    still = exact_log(truth, values, samples=1600, rate=80.0)
-    size = turns * 2 * np.pi / np.ptp(still.q, axis=0)[0]
-    log = exact_log(truth, values, noise=0.1, samples=1600, rate=80.0, size=float(size))
-    scale = np.ptp(log.q, axis=0) / (2 * np.pi)
-    assert scale[0] == pytest.approx(turns)
-    chosen = choose_friction(DynamicModel(spatial_3r, usual), [preprocess(log, GIVEN)]).friction
-    on = [name for part in chosen if isinstance(part, Periodic) for name in part.joints or spatial_3r.joint_names]
-    assert [name for name in on if name == "joint1"] == list(offered)
-    assert all(scale[spatial_3r.joint_names.index(name)] >= 1 for name in on)
 
 
 def test_a_stated_cycle_that_the_logs_do_not_show_is_refused(spatial_3r: Robot, exact_log: MakeLog) -> None:

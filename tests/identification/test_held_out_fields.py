@@ -95,9 +95,9 @@ def test_drives_that_differ_have_widths_of_their_own(spatial_3r: Robot, exact_lo
     kinds = [Coulomb, Coulomb, Viscous, *([Stribeck, Stribeck] if fading else [])]
     assert [type(part) for part in model.friction] == kinds
     for part in model.friction:
-        if part.dry_width is not None:
+        if isinstance(part, Coulomb):
             assert part.joints in (names[:2], names[2:])
-            assert part.dry_width == pytest.approx(widths[names.index(part.joints[-1])], rel=0.2)
+            assert part.width == pytest.approx(widths[names.index(part.joints[-1])], rel=0.2)
     (own,) = [held for held in found if held.joints == names[2:]]
     assert (own.field, own.stated) == ("width", 0.01) and own.gain > 0.2
 

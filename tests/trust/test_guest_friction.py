@@ -10,15 +10,14 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.data.log import Log
-from dynident.data.preprocessing import Preprocessing, preprocess
+from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.exports.models import MODEL_EXPORTERS, export_model
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
-from dynident.identification.selection.friction.friction_choice import choose_friction
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import Motion
+from dynident.model.friction import FRICTION, Motion
 from dynident.model.robot import Robot
 from dynident.simulation.cell import Cell
 from dynident.simulation.cell_simulation import simulate_cell
@@ -28,7 +27,7 @@ SEAL = '''
 from dataclasses import dataclass
 from typing import ClassVar
 from dynident.model.friction.base import (
-    Coefficient, Friction, Inputs, Number, Range, SelectionCandidate, cosine, smooth_sign,
+    Coefficient, Friction, Inputs, Number, Range, SelectionUse, cosine, smooth_sign,
 )
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class Seal(Friction):
 
     coefficients: ClassVar = (Coefficient("Fg", "N m", "N", nonnegative=True),)
     ranges: ClassVar = {"width": Range(1e-3, 0.3, is_speed=True)}
-    candidates: ClassVar = (SelectionCandidate(65, width=1.0),)
+    selection: ClassVar = SelectionUse(20, {"choose": ("part", "width")})
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return ((1.2 + cosine(at.q)) * smooth_sign(at.dq, self.width),)
@@ -78,10 +77,9 @@ def test_it_is_identified_and_selected(
     assert found is not None
     np.testing.assert_allclose(found[model.inertial_count :], theta[model.inertial_count :], rtol=0.01)
     log = exact_log(model, theta, noise=0.05, samples=1600, rate=80.0)
-    choice = choose_friction(DynamicModel(model.robot), [preprocess(log, HOW)])
-    for steps in choice.steps.values():
-        (parts,) = (step.parts for step in steps if step.chosen)
-        assert {"seal", "viscous"} <= {part.split()[0] for part in parts}
+    chosen = identify(DynamicModel(model.robot), [log], "wls", HOW, choose_friction=True)
+    (seal,) = (part for part in chosen.model.friction if FRICTION.name_of(part) == "seal")
+    np.testing.assert_allclose(seal.width, 0.05, rtol=0.1)
 
 
 def test_the_simulation_has_it(model: DynamicModel, theta: Array) -> None:

@@ -95,7 +95,7 @@ class Case:
     Attributes:
         robot: With locked joints, gravity, drives and coupling applied.
         friction: Friction parts.
-        choose_friction: Whether the parts of each joint are to be chosen from the logs in their place.
+        choose_friction: Whether the friction is to be chosen from the logs in their place, from the parts of a draft.
         columns: How columns become signals.
         preprocessing: How logs become rows.
         estimator: Name and options.

@@ -20,7 +20,7 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="NAME",
         help="friction parts, such as: coulomb viscous offset rotor_inertia; see 'dynident list friction'; "
-        "'auto' chooses them joint by joint on held-out blocks of the training logs",
+        "'auto' chooses them, as drafts of init do, on held-out blocks of the training logs",
     )
     data = parser.add_argument_group("data")
     data.add_argument(

@@ -13,23 +13,24 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, default_preprocessing, preprocess
 from dynident.errors import LogMismatch
-from dynident.identification.problem.choices import Choices, DelayRecord, FieldChoice, FrictionRecord
+from dynident.identification.problem.choices import Choices, DelayRecord, FieldChoice
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
 from dynident.identification.selection.friction.column_pool import SharedRows
-from dynident.identification.selection.friction.held_out_fields import (
-    choose_fields,
+from dynident.identification.selection.friction.held_out_fields import choose_fields, predicts_better
+from dynident.identification.selection.friction.load import problem_of, without_load
+from dynident.identification.selection.friction.variable_projection import (
+    finest_of,
     has_choices,
-    predicts_better,
+    has_varying,
+    vary_fields,
     without_optional,
 )
-from dynident.identification.selection.friction.load import problem_of, without_load
-from dynident.identification.selection.friction.variable_projection import finest_of, has_varying, vary_fields
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Friction, default_friction
+from dynident.model.friction import FRICTION, Friction, auto_friction
 
 
 @dataclass(frozen=True)
@@ -55,14 +56,14 @@ def build_problem(
 ) -> Problem:
     """Return the problem that every estimator can be asked to solve.
 
-    The order: cut-off, delay, fields of friction parts that held-out samples choose, friction parts, fields that vary.
+    The order: cut-off, delay, friction parts and fields that held-out samples choose, fields that vary.
 
     Args:
         model: Robot, drives and friction; fields that its friction parts vary are found first.
         logs: Raw logs with positions and torques; each is preprocessed on its own.
         preprocessing: How logs become rows; default: ``default_preprocessing``.
         progress: Called with each step in words.
-        choose_friction: Choose the friction of each joint from the logs, in place of the model's.
+        choose_friction: Choose the friction from the logs, in place of the model's, from the parts of a draft.
         knowledge: What is known about the bodies beforehand.
 
     Raises:
@@ -74,14 +75,9 @@ def build_problem(
         raise LogMismatch("identify", "no log", "give at least one log")
     preprocessing, knowledge = preprocessing or default_preprocessing(), knowledge or PriorKnowledge()
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
-    simple = without_optional(model)
     if choose_friction:
-        simple = replace(model, friction=tuple(FRICTION.make(name) for name in default_friction()))
-    preprocessing, cutoff = with_cutoff(simple, ordered, preprocessing, progress)
-    if choose_friction:  # the delay is found with a full list: it passes for what a shorter one lacks
-        from dynident.identification.selection.friction.alike import starting_friction  # few need it
-
-        model = replace(model, friction=starting_friction())
+        model = replace(model, friction=auto_friction())
+    preprocessing, cutoff = with_cutoff(without_optional(model), ordered, preprocessing, progress)
     model, finest = _within_logs(model, ordered)
     progress("preprocessing")
     plain = tuple(preprocess(log, preprocessing) for log in ordered)
@@ -91,9 +87,6 @@ def build_problem(
         shared = SharedRows(plain)
         tries = partial(choose_fields, progress=progress, finest=finest, shared=shared)
         model, prepared, choices = _with_chosen_fields(model, plain, (prepared, choices), progress, tries, shared)
-    if choose_friction:
-        model, friction = _with_chosen_friction(model, prepared, preprocessing.delay_s is None, progress)
-        choices = replace(choices, friction_choice=friction)
     if has_varying(model):
         model, varied = vary_fields(model, prepared, progress, finest)
         choices = replace(choices, non_linear=tuple(varied))
@@ -115,8 +108,8 @@ def _resolution(model: DynamicModel, logs: Sequence[Log]) -> Array | None:
 def _within_logs(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel, Array | None]:
     """Return the model whose friction the logs can tell, and the resolution of the positions of each drive.
 
-    Distances of friction that are left to the logs begin at the resolution. Parts that may be missing and whose
-    duration the logs are too short for are missing.
+    Distances of friction that are left to the logs begin at the resolution. Parts that may be missing are missing
+    where logs are too short for their duration or have no temperatures and they read some.
 
     Raises:
         LogMismatch: A distance that is stated is below the resolution, a duration beyond the longest log, or a cycle
@@ -124,8 +117,11 @@ def _within_logs(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel
     """
     _check_cycles(model, logs)
     finest, longest = _resolution(model, logs), max(float(log.time[-1] - log.time[0]) for log in logs)
+    lack_temperatures = any(log.temperature is None for log in logs)
     parts: list[Friction] = []
     for part in model.friction:
+        if part.is_optional and lack_temperatures and "temperature" in part.needs:
+            continue
         least, left_open = finest_of(model, part, finest), (*(part.choose or ()), *(part.vary or ()))
         spans = part.ranges.items()
         if part.is_optional and any(span.is_duration and longest < span.least_log for _, span in spans):
@@ -200,19 +196,6 @@ def _check_cycles(model: DynamicModel, logs: Sequence[Log]) -> None:
             evidence = f"{repeats}, and less than half of that is seen: {moved}"
             step = "log motions over at least a whole cycle, or state the part for other joints (joints: ...)"
             raise LogMismatch(logs[0].name, evidence, step)
-
-
-def _with_chosen_friction(
-    model: DynamicModel, logs: Sequence[Prepared], delay_is_free: bool, progress: Callable[[str], None]
-) -> tuple[DynamicModel, FrictionRecord]:
-    """Return the model with the friction that the logs ask for, in place of the usual one if better, and how."""
-    from dynident.identification.selection.friction.alike import same_for_all  # few need it
-    from dynident.identification.selection.friction.friction_choice import choose_friction
-
-    choice = choose_friction(model, logs, progress, delay_is_free)
-    own = replace(model, friction=choice.friction)
-    shared, compared = same_for_all(own, logs, progress, model.friction, choice.improves_significantly)
-    return shared, replace(choice.record(), shared=compared)
 
 
 def _with_delays(

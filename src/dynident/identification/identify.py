@@ -39,7 +39,7 @@ def identify(
         logs: Raw logs with positions and torques; each is preprocessed on its own.
         estimator: Name or part.
         preprocessing: How logs become rows; default: ``default_preprocessing``.
-        choose_friction: Choose the friction of each joint from the logs, in place of the model's.
+        choose_friction: Choose the friction from the logs, in place of the model's, from the parts of a draft.
         knowledge: What is known about the bodies beforehand.
         trust: What is found out about how far to trust the estimate; default: nothing beyond its covariance.
         progress: Called with each step in words.

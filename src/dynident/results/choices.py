@@ -9,8 +9,6 @@ from dynident.identification.problem.choices import (
     DelayRecord,
     FieldChoice,
     FieldEstimate,
-    FrictionRecord,
-    FrictionScore,
     GainUncertainty,
 )
 from dynident.model.friction import WHOLE
@@ -31,10 +29,6 @@ def choice_tables(choices: Choices) -> tuple[tuple[str, Table], ...]:
     tables = []
     if choices.delays:
         tables.append(("Time delay between torque and position signals", _delays(choices.delays)))
-    if choices.friction_choice is not None:
-        tables.append(("Friction model selection by joint", _friction(choices.friction_choice)))
-        if choices.friction_choice.shared:
-            tables.append(("Shared friction model", _alike(choices.friction_choice.shared)))
     if choices.chosen_fields:
         tables.append(("Cross-validation of given friction fields", _held_out(choices.chosen_fields)))
     if choices.non_linear:
@@ -91,62 +85,6 @@ def _delays(delays: Sequence[DelayRecord]) -> Table:
     )
     note = "A delay within two standard deviations of zero is not applied. Other logs are taken to have the mean."
     return Table(columns, rows, note)
-
-
-def _friction(choice: FrictionRecord) -> Table:
-    columns = (
-        Column("joint"),
-        Column("change"),
-        Column("cross-validation error", numeric=True),
-        Column("std of the gap", numeric=True),
-        Column("chosen"),
-    )
-    rows = []
-    for joint, steps in choice.joints.items():
-        before: Sequence[str] = ()
-        for step in steps:
-            error = format_number(step.standard_error, 2) if step.standard_error > 0 else MISSING
-            added = _change(before, step.parts)
-            before = step.parts
-            mark = "up to here" if step.chosen else ""
-            rows.append((label(joint), label(added), format_number(step.cross_validation_error, 4), error, mark))
-    note = (
-        f"Mean squared residual of all joints over {choice.blocks} blocks of the training logs, each held out once, "
-        "in units of the start. Chosen is the shortest list within one standard deviation of the best."
-    )
-    return Table(columns, tuple(rows), note)
-
-
-def _alike(compared: Sequence[FrictionScore]) -> Table:
-    columns = (
-        Column("parts"),
-        Column("cross-validation error", numeric=True),
-        Column("std of the gap", numeric=True),
-        Column("chosen"),
-    )
-    rows = tuple(
-        (
-            label(" + ".join(each.parts)),
-            format_number(each.cross_validation_error, 4),
-            format_number(each.standard_error, 2) if each.standard_error > 0 else MISSING,
-            "yes" if each.chosen else "",
-        )
-        for each in compared
-    )
-    note = (
-        "Cross-validation over ten blocks with physically consistent fits. The shared friction model is selected "
-        "where it is within "
-        "one standard deviation of the lists of the joints: it errs less on motions that the logs do not have."
-    )
-    return Table(columns, rows, note)
-
-
-def _change(before: Sequence[str], after: Sequence[str]) -> str:
-    """Return what came and went from one list of parts to the next."""
-    words = [f"+ {part}" for part in after if part not in before] + [
-        f"- {part}" for part in before if part not in after
-    ]
-    return " ".join(words) or "none"
 
 
 def _field(found: FieldChoice | FieldEstimate) -> tuple[str, str, str]:

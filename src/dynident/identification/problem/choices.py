@@ -73,42 +73,6 @@ class FieldEstimate:
 
 
 @dataclass(frozen=True)
-class FrictionScore:
-    """One list of friction parts that was compared with others.
-
-    Attributes:
-        parts: Names of its parts, in the order in which they came; ``each its own`` for lists of the drives.
-        cross_validation_error: Mean squared residual of what was left out, each joint in units of its own in the fit.
-        standard_error: Of the difference to the best list, or to the lists of the drives.
-        chosen: Whether this is the one.
-    """
-
-    parts: tuple[str, ...]
-    cross_validation_error: float
-    standard_error: float
-    chosen: bool
-
-
-@dataclass(frozen=True)
-class FrictionRecord:
-    """The selection of friction.
-
-    Attributes:
-        blocks: Number of blocks, each left out once.
-        joints: By joint, the lists on the way.
-        gain: What the choice takes off the mean squared cross-validation residual, as a share of it.
-        standard_error: Of that share.
-        shared: Lists for all drives beside those of their own.
-    """
-
-    blocks: int
-    joints: Mapping[str, tuple[FrictionScore, ...]]
-    gain: float
-    standard_error: float
-    shared: tuple[FrictionScore, ...] = ()
-
-
-@dataclass(frozen=True)
 class CutoffRecord:
     """The cut-off that was chosen.
 
@@ -202,7 +166,6 @@ class Choices:
         delays: Of each log.
         delay_s: What logs that had no part in the fit are shifted by, in s.
         chosen_fields: Fields of friction parts that cross-validation decided.
-        friction_choice: Friction parts.
         non_linear: Fields of friction parts that were estimated.
         gain_std: What uncertain drive gains add.
         position_noise: Bias by noise of the positions, where it is not small beside the standard deviations.
@@ -214,7 +177,6 @@ class Choices:
     delays: tuple[DelayRecord, ...] | None = None
     delay_s: float | None = None
     chosen_fields: tuple[FieldChoice, ...] | None = None
-    friction_choice: FrictionRecord | None = None
     non_linear: tuple[FieldEstimate, ...] | None = None
     gain_std: GainUncertainty | None = None
     position_noise: NoiseBias | None = None

@@ -11,8 +11,7 @@ from dynident.data.log_of_robot import with_meaning
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.split import Split
 from dynident.errors import LogMismatch
-from dynident.identification.selection.friction.held_out_fields import has_choices
-from dynident.identification.selection.friction.variable_projection import has_varying
+from dynident.identification.selection.friction.variable_projection import has_choices, has_varying
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 
@@ -27,7 +26,7 @@ class StreamSetup:
         preprocessing: How logs become rows.
         locked: Positions of the joints that do not move, by name.
         case_path: The case file, for messages; empty where there is none.
-        choose_friction: Whether the friction of each joint is to be chosen from the logs, which a stream cannot.
+        choose_friction: Whether friction is to be chosen from the logs, which a stream cannot.
         split: How each log is split; its training part is read. None: whole logs.
     """
 

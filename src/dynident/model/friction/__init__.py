@@ -3,24 +3,38 @@
 from contextlib import suppress
 
 from dynident.errors import BrokenPart
-from dynident.model.friction.base import WHOLE, Coefficient, Friction, Motion, SharedUse
+from dynident.model.friction.base import WHOLE, Coefficient, Friction, Motion, SelectionUse
 from dynident.plugins import Family
 
 FRICTION: Family[Friction] = Family("dynident.model.friction", Friction, "friction model")  # type: ignore[type-abstract]
 
 
-def shared_parts() -> tuple[tuple[str, SharedUse], ...]:
-    """Return the names of the parts that stand in lists for all drives, and their use there, in their order."""
-    found: list[tuple[str, SharedUse]] = []
+def _listed() -> list[tuple[str, SelectionUse]]:
+    """Return the names of the parts that the selection of friction knows, and their use there, in their order."""
+    found: list[tuple[str, SelectionUse]] = []
     for name in FRICTION.names():
         with suppress(BrokenPart):  # of a package: whoever asks for it by name is told
-            found += [(name, use) for use in (FRICTION.get(name).shared,) if use is not None]
-    return tuple(sorted(found, key=lambda each: each[1].place))
+            found += [(name, use) for use in (FRICTION.get(name).selection,) if use is not None]
+    return sorted(found, key=lambda each: each[1].place)
 
 
 def default_friction() -> tuple[str, ...]:
     """Return the names of the parts of a model whose friction is not stated."""
-    return tuple(name for name, use in shared_parts() if use.group == "default")
+    return tuple(name for name, use in _listed() if use.is_default)
 
 
-__all__ = ["FRICTION", "WHOLE", "Coefficient", "Friction", "Motion", "SharedUse", "default_friction", "shared_parts"]
+def auto_friction() -> tuple[Friction, ...]:
+    """Return the parts that ``friction: auto`` stands for, as a draft has them: held-out samples decide on them."""
+    return tuple(FRICTION.make(name, use.options) for name, use in _listed())
+
+
+__all__ = [
+    "FRICTION",
+    "WHOLE",
+    "Coefficient",
+    "Friction",
+    "Motion",
+    "SelectionUse",
+    "auto_friction",
+    "default_friction",
+]

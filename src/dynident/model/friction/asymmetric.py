@@ -12,7 +12,6 @@ from dynident.model.friction.base import (
     Inputs,
     Number,
     Range,
-    SelectionCandidate,
     check_positive,
     larger,
     smaller,
@@ -38,8 +37,6 @@ class Asymmetric(Friction):
         Coefficient("Fc-", "N m", "N", nonnegative=True),
     )
     ranges: ClassVar = {"width": Range(1e-3, 0.3, is_speed=True)}
-    candidates: ClassVar = (SelectionCandidate(120, width=1.0),)
-    rivals: ClassVar = ("coulomb", "offset")
 
     def __post_init__(self) -> None:
         check_positive(self.width, "width", "a speed in rad/s")

@@ -34,8 +34,7 @@ __all__ = [
     "Motion",
     "Number",
     "Range",
-    "SelectionCandidate",
-    "SharedUse",
+    "SelectionUse",
     "State",
     "check_positive",
     "cosine",
@@ -162,35 +161,18 @@ class State:
 
 
 @dataclass(frozen=True)
-class SelectionCandidate:
-    """A part as the selection of friction tries it on a drive.
+class SelectionUse:
+    """How a part stands in the list that ``friction: auto`` and drafts leave to held-out samples.
 
     Attributes:
-        rank: Place among all candidates, the most usual first: of lists that are as good the lowest ranks are taken.
-        options: Options of the part.
-        width: Its width, in units of that of the model's dry friction; None for a part without one to be chosen.
-    """
-
-    rank: float
-    options: Mapping[str, Any] = field(default_factory=dict)
-    width: float | None = None
-
-
-@dataclass(frozen=True)
-class SharedUse:
-    """The use of a part in the lists that are the same for all drives of a robot.
-
-    Attributes:
-        place: Place in such a list, from 0.
-        group: ``default`` for the friction of a model that states none. Parts of another group are added together;
-            the selection compares the lists with and without each group. ``optional``: in the list that the selection
-            begins with only, where held-out samples decide.
-        options: Options of the part in the list that the selection begins with.
+        place: Place in the list, from 0.
+        options: Options of the part there; with ``choose`` among them held-out samples decide.
+        is_default: Whether a model whose friction is not stated has it, with the defaults of its options.
     """
 
     place: int
-    group: str
     options: Mapping[str, Any] = field(default_factory=dict)
+    is_default: bool = False
 
 
 #: What ``choose`` names where the logs decide whether a part is there at all.
@@ -215,17 +197,8 @@ class Friction(ABC):
     #: Fields that enter the columns non-linearly, and where a good value may be.
     ranges: ClassVar[dict[str, Range]] = {}
 
-    #: How the selection of friction tries it on a drive; not at all where there is none.
-    candidates: ClassVar[tuple[SelectionCandidate, ...]] = ()
-
-    #: Its use in lists for all drives; in no such list where there is none.
-    shared: ClassVar[SharedUse | None] = None
-
-    #: Names of parts that say nearly the same in another way: the selection never puts it beside them.
-    rivals: ClassVar[tuple[str, ...]] = ()
-
-    #: Fields that the selection finds for each drive that has taken it, by variable projection.
-    refined: ClassVar[tuple[str, ...]] = ()
+    #: Its place in the list of ``friction: auto``; it is to be stated where there is none.
+    selection: ClassVar[SelectionUse | None] = None
 
     joints: tuple[str, ...] | None = field(default=None, kw_only=True)
     vary: tuple[str, ...] | None = field(default=None, kw_only=True)
@@ -243,12 +216,7 @@ class Friction(ABC):
     @property
     def is_default(self) -> bool:
         """Whether a model whose friction is not stated has it."""
-        return self.shared is not None and self.shared.group == "default"
-
-    @property
-    def dry_width(self) -> float | None:
-        """The width of dry friction that it states for the other parts of its drive; None as a rule."""
-        return None
+        return self.selection is not None and self.selection.is_default
 
     @property
     def cycle(self) -> float | None:

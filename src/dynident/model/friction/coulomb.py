@@ -14,8 +14,7 @@ from dynident.model.friction.base import (
     Inputs,
     Number,
     Range,
-    SelectionCandidate,
-    SharedUse,
+    SelectionUse,
     smooth_sign,
 )
 from dynident.plugins import bounded
@@ -33,20 +32,11 @@ class Coulomb(Friction):
 
     coefficients: ClassVar = (Coefficient("Fc", "N m", "N", nonnegative=True, in_simulators="friction"),)
     ranges: ClassVar = {"width": Range(1e-3, 0.3, is_speed=True)}
-    candidates: ClassVar = (
-        SelectionCandidate(0, width=1.0),
-        SelectionCandidate(40, width=0.25),
-        SelectionCandidate(50, width=4.0),
-    )
-    shared: ClassVar = SharedUse(0, "default", {"width": 0.01, "choose": ("width",)})
+    selection: ClassVar = SelectionUse(0, {"width": 0.01, "choose": ("width",)}, is_default=True)
 
     def __post_init__(self) -> None:
         if not 0 <= self.width < np.inf:
             raise BadOption("width", self.width, "give a speed >= 0 in rad/s")
-
-    @property
-    def dry_width(self) -> float | None:
-        return self.width or None
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return (smooth_sign(at.dq, self.width),)

@@ -12,8 +12,7 @@ from dynident.model.friction.base import (
     Inputs,
     Number,
     Range,
-    SelectionCandidate,
-    SharedUse,
+    SelectionUse,
     check_positive,
     power,
 )
@@ -37,8 +36,7 @@ class Degressive(Friction):
 
     coefficients: ClassVar = (Coefficient("Fd", "N m", "N", nonnegative=True),)
     ranges: ClassVar = {"exponent": Range(0.2, 0.8)}
-    candidates: ClassVar = (SelectionCandidate(70),)
-    shared: ClassVar = SharedUse(4, "gear", {"choose": ("part",)})  # with load: both are of gears
+    selection: ClassVar = SelectionUse(4, {"choose": ("part",)})
 
     def __post_init__(self) -> None:
         if not 0 < self.exponent < 1:

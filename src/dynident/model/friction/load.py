@@ -11,8 +11,7 @@ from dynident.model.friction.base import (
     Inputs,
     Number,
     Range,
-    SelectionCandidate,
-    SharedUse,
+    SelectionUse,
     check_positive,
     smooth_sign,
 )
@@ -35,8 +34,7 @@ class Load(Friction):
 
     coefficients: ClassVar = (Coefficient("Fl", "1", "1", nonnegative=True),)
     ranges: ClassVar = {"width": Range(1e-3, 0.3, is_speed=True)}
-    candidates: ClassVar = (SelectionCandidate(60, width=1.0),)
-    shared: ClassVar = SharedUse(5, "gear", {"width": 0.01, "choose": ("part", "width")})
+    selection: ClassVar = SelectionUse(5, {"width": 0.01, "choose": ("part", "width")})
 
     def __post_init__(self) -> None:
         check_positive(self.width, "width", "a speed in rad/s")

@@ -41,7 +41,6 @@ class LoadDirectional(Friction):
         Coefficient("Fl-", "1", "1", nonnegative=True),
     )
     ranges: ClassVar = {"velocity": Range(0.01, 100.0), "width": Range(1e-3, 0.3, is_speed=True)}
-    rivals: ClassVar = ("load", "load_stribeck")
 
     def __post_init__(self) -> None:
         check_positive(self.velocity, "velocity", "a speed in rad/s")

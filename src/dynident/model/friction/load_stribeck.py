@@ -11,7 +11,6 @@ from dynident.model.friction.base import (
     Inputs,
     Number,
     Range,
-    SelectionCandidate,
     check_positive,
     exponential,
     smooth_sign,
@@ -36,11 +35,6 @@ class LoadStribeck(Friction):
 
     coefficients: ClassVar = (Coefficient("Fls", "1", "1", nonnegative=True),)
     ranges: ClassVar = {"velocity": Range(0.01, 2.0, is_speed=True), "width": Range(1e-3, 0.3, is_speed=True)}
-    candidates: ClassVar = (
-        SelectionCandidate(85, {"velocity": 0.1}, width=1.0),
-        SelectionCandidate(95, {"velocity": 0.03}, width=1.0),
-    )
-    refined: ClassVar = ("velocity",)
 
     def __post_init__(self) -> None:
         check_positive(self.velocity, "velocity", "a speed in rad/s")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionCandidate, SharedUse
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionUse
 
 
 @dataclass(frozen=True)
@@ -13,8 +13,7 @@ class Offset(Friction):
     """Constant torque offset F0 per drive."""
 
     coefficients: ClassVar = (Coefficient("F0", "N m", "N", nonnegative=False),)
-    candidates: ClassVar = (SelectionCandidate(20),)
-    shared: ClassVar = SharedUse(2, "default")
+    selection: ClassVar = SelectionUse(2, is_default=True)
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return (1.0,)

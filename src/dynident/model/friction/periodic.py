@@ -11,7 +11,6 @@ from dynident.model.friction.base import (
     Friction,
     Inputs,
     Number,
-    SelectionCandidate,
     check_positive,
     cosine,
     sine,
@@ -34,7 +33,6 @@ class Periodic(Friction):
     coefficients: ClassVar = tuple(
         Coefficient(symbol, "N m", "N", nonnegative=False) for symbol in ("Ps1", "Pc1", "Ps2", "Pc2")
     )
-    candidates: ClassVar = (SelectionCandidate(140),)
 
     def __post_init__(self) -> None:
         check_positive(self.cycles, "cycles", "cycles per turn,")

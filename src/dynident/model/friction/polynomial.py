@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionCandidate
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,6 @@ class Polynomial(Friction):
         Coefficient("Fv2", "N m s^2/rad^2", "N s^2/m^2", nonnegative=True),
         Coefficient("Fv3", "N m s^3/rad^3", "N s^3/m^3", nonnegative=True),
     )
-    candidates: ClassVar = (SelectionCandidate(110),)
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return abs(at.dq) * at.dq, at.dq**3

@@ -16,7 +16,7 @@ from dynident.model.friction.base import (
     Motion,
     Number,
     Range,
-    SharedUse,
+    SelectionUse,
     State,
     check_positive,
     larger,
@@ -41,7 +41,7 @@ class Presliding(Friction):
 
     coefficients: ClassVar = Slipped.coefficients
     ranges: ClassVar = {"length": Range(3e-4, 0.1, is_distance=True)}
-    shared: ClassVar = SharedUse(7, "optional", {"length": 3e-3, "choose": ("part", "length")})
+    selection: ClassVar = SelectionUse(7, {"length": 3e-3, "choose": ("part", "length")})
 
     def __post_init__(self) -> None:
         check_positive(self.length, "length", "a distance in rad, at least the resolution of the encoder,")

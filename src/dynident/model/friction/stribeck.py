@@ -11,8 +11,7 @@ from dynident.model.friction.base import (
     Inputs,
     Number,
     Range,
-    SelectionCandidate,
-    SharedUse,
+    SelectionUse,
     check_positive,
     exponential,
     power,
@@ -43,15 +42,9 @@ class Stribeck(Friction):
         "exponent": Range(0.5, 2.0),
         "width": Range(1e-3, 0.3, is_speed=True),
     }
-    candidates: ClassVar = (
-        SelectionCandidate(80, {"velocity": 0.1}, width=1.0),
-        SelectionCandidate(90, {"velocity": 0.03}, width=1.0),
-        SelectionCandidate(100, {"velocity": 0.3}, width=1.0),
+    selection: ClassVar = SelectionUse(
+        6, {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity", "exponent")}
     )
-    shared: ClassVar = SharedUse(
-        6, "optional", {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity", "exponent")}
-    )
-    refined: ClassVar = ("velocity",)
 
     def __post_init__(self) -> None:
         check_positive(self.velocity, "velocity", "a speed in rad/s")

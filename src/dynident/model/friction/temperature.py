@@ -13,7 +13,7 @@ from dynident.model.friction.base import (
     Friction,
     Inputs,
     Number,
-    SelectionCandidate,
+    SelectionUse,
     check_positive,
     smooth_sign,
 )
@@ -39,7 +39,7 @@ class Temperature(Friction):
         Coefficient("FcT", "N m/K", "N/K", nonnegative=False),
         Coefficient("FvT", "N m s/(rad K)", "N s/(m K)", nonnegative=False),
     )
-    candidates: ClassVar = (SelectionCandidate(130),)
+    selection: ClassVar = SelectionUse(9, {"choose": ("part",)})
 
     def __post_init__(self) -> None:
         if not -273.15 < self.reference < np.inf:

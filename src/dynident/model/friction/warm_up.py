@@ -16,7 +16,7 @@ from dynident.model.friction.base import (
     Motion,
     Number,
     Range,
-    SharedUse,
+    SelectionUse,
     State,
     check_positive,
     exponential,
@@ -51,7 +51,7 @@ class WarmUp(Friction):
 
     coefficients: ClassVar = Cold.coefficients
     ranges: ClassVar = {"time_constant": Range(60.0, 3600.0, is_duration=True)}
-    shared: ClassVar = SharedUse(8, "optional", {"time_constant": 300.0, "choose": ("part", "time_constant")})
+    selection: ClassVar = SelectionUse(8, {"time_constant": 300.0, "choose": ("part", "time_constant")})
 
     def __post_init__(self) -> None:
         check_positive(self.time_constant, "time_constant", "a time in s, at most as long as the logs,")

@@ -10,7 +10,7 @@ export const title = "Identify";
 export function build() {
   const choice = el("select", { "data-shared": "", on: { change: () => choose({ case: choice.value }) } });
   const estimator = el("select");
-  const friction = several("Friction", "None: as the case says; auto chooses joint by joint.");
+  const friction = several("Friction", "None: as the case says; auto chooses as a draft does.");
   const cutoff = el("input", { type: "number", min: 0.01, max: 10000, step: 0.1, placeholder: "as the case says" });
   const quick = el("input", { type: "checkbox", id: "quick" });
   const run = runner("identify", "Identify", () => ({

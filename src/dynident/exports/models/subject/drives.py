@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.exports.models.subject.identified import Identified
-from dynident.model.friction import FRICTION, Motion, shared_parts
+from dynident.model.friction import FRICTION, Motion, auto_friction
 from dynident.model.kernels import batched
 
 
@@ -100,7 +100,7 @@ class Drives:
 
 def simulated_term(joint: str, word: str, value: float, unit: str) -> Term:
     """Return what a joint of simulators holds as ``word``, called as the usual part of that meaning calls it."""
-    coefficients = ((name, c) for name, _ in shared_parts() for c in FRICTION.get(name).coefficients)
+    coefficients = ((FRICTION.name_of(part), c) for part in auto_friction() for c in part.coefficients)
     part, symbol = next((name, c.symbol) for name, c in coefficients if c.in_simulators == word)
     return Term(joint, part, symbol, value, unit, {}, word)
 

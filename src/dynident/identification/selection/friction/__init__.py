@@ -1,1 +1,1 @@
-"""Friction found from logs: the choice joint by joint, non-linear fields, load, and the delay of the torque."""
+"""Friction found from logs: parts and their non-linear fields by held-out samples, and the load."""

@@ -143,7 +143,8 @@ def share_of(gaps: Array) -> tuple[float, float]:
     return float(-np.expm1(-np.mean(gaps))), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
 
 
-def is_better(gaps: Array, chance: float = CHANCE) -> bool:
-    """Return whether logarithms of ratios of errors (B,) are above nothing by more than chance."""
+def is_better(gaps: Array, chance: float | None = CHANCE) -> bool:
+    """Return whether logarithms of ratios of errors (B,) are above nothing by more than chance; None: by an error."""
     gain, error = share_of(gaps)
-    return gain > max(NOTHING, error * float(student_quantile(1.0 - chance, len(gaps) - 1)))
+    sizes = 1.0 if chance is None else float(student_quantile(1.0 - chance, len(gaps) - 1))
+    return gain > max(NOTHING, error * sizes)

@@ -36,36 +36,27 @@ from dynident.identification.selection.friction.parts_by_drive import (
     own_widths,
     set_apart,
     together,
-    with_value,
+    with_values,
 )
-from dynident.identification.selection.friction.variable_projection import all_spans
+from dynident.identification.selection.friction.variable_projection import all_spans, without_optional
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE
 
 #: Blocks of rows at least, and of logs too short for these.
 BLOCKS, OF_SHORT_LOGS = 16, 8
 
-#: Values of a field over its range, and between the neighbours of the best of them where that is taken.
-COARSE, FINE = 13, 7
+#: Values over its range of a width or of a part's first field, of a further field beside each of these, and between the
+#: neighbours of the best of them where that is taken.
+COARSE, BESIDE, FINE = 13, 3, 7
 
-#: How often the values taken are made finer in turn where a part came to those that are there.
-POLISHED = 2
+#: Turns at most in which values are made finer where a part came; the share by which none moves in the last.
+POLISHED, SETTLED = 6, 0.02
 
 #: Shares of a delay of many samples that are compared, at most, beside the whole.
 MOST = 12
 
 #: Values of a part that is left out, and of one that is there.
 _ABSENT, _THERE = 0.0, 1.0
-
-
-def has_choices(model: DynamicModel) -> bool:
-    """Return whether a friction part leaves fields, or itself, to the logs where held-out samples ask for it."""
-    return any(part.choose for part in model.friction)
-
-
-def without_optional(model: DynamicModel) -> DynamicModel:
-    """Return the model without the parts that are only there if held-out samples ask for them."""
-    return replace(model, friction=tuple(part for part in model.friction if not part.is_optional))
 
 
 def choose_fields(
@@ -182,28 +173,33 @@ class _FieldSearch:
     @property
     def tells(self) -> bool:
         """Whether the blocks have rows enough to hold some out."""
-        return self._tried((), "", np.empty(0)).tells
+        return self._tried((), ()).tells
 
     def fields(self) -> dict[tuple[int, str], FieldChoice]:
         """Choose the fields of all parts that are there, one after another."""
         found: dict[tuple[int, str], FieldChoice] = {}
-        for (p, name), span in self._spans.items():
+        for p, name in self._spans:
+            names = [name] if name == "width" else self._own_fields(p)
             group = self._group(p, name)
-            if p not in self.absent and p == group[0]:
-                found[p, name] = self._chosen(group, name, span)
+            if p not in self.absent and p == group[0] and name == names[0]:
+                found |= {(p, each.field): each for each in self._chosen(group, names)}
         return found
 
     def polished(self, found: dict[tuple[int, str], FieldChoice]) -> dict[tuple[int, str], FieldChoice]:
-        """Return what was found with the values taken made finer in turn: what is best of one hangs on the others."""
-        for key in [key for key, held in found.items() if held.value != held.stated] * POLISHED:
-            p, name = key
-            low, high = self._spans[key]
-            step = (high / low) ** (1.0 / (COARSE - 1))
-            grid = np.geomspace(max(found[key].value / step, low), min(found[key].value * step, high), FINE)
-            there = [own for own in self._group(p, name) if own not in self.absent]
-            best = self._tried(there, name, grid).finest(grid)
-            self.model = with_value(self.model, there, name, best)
-            found[key] = replace(found[key], best=best, value=best)
+        """Return what was found with values made finer in turn: what is best of one hangs on the others.
+
+        They are those that were taken, and those of parts that might be missing, of which the stated one is a start.
+        """
+        starts = [(p, name) for p, name in found if name != "width" and self.stated.friction[p].is_optional]
+        moved = [key for key, held in found.items() if held.value != held.stated or key in starts]
+        for _ in range(POLISHED):
+            before = dict(found)
+            for key in moved:
+                there = [own for own in self._group(*key) if own not in self.absent]
+                best = self._finer(there, key[1], found[key].value)
+                found[key] = replace(found[key], best=best, value=best)
+            if len(moved) < 2 or all(abs(np.log(found[key].value / before[key].value)) < SETTLED for key in moved):
+                break
         return found
 
     def with_linear_parts(self) -> dict[int, FieldChoice]:
@@ -231,9 +227,9 @@ class _FieldSearch:
             k = int(np.argmin([np.mean(each) for each in errors]))
             path.append(longer[k])
             scores.append(errors[k])
-        lowest = scores[int(np.argmin([np.mean(each) for each in scores]))]
-        gaps = [each - lowest for each in scores]
-        chosen = next(own for own, gap in zip(path, gaps, strict=True) if not is_better(gap))
+        means = [np.mean(each) for each in scores]
+        best = next(each for each, mean in zip(scores, means, strict=True) if mean <= min(means) + NOTHING)
+        chosen = next(own for own, each in zip(path, scores, strict=True) if not is_better(each - best, None))
         others = [tuple(q for q in linear if (q in chosen) != (q == p)) for p in linear]
         first, *errors = errors_of([chosen, *others])
         self.absent = tuple(p for p in self.absent if self.heads[p] not in chosen)
@@ -282,7 +278,7 @@ class _FieldSearch:
         for shared in self._group(p, "width") if (p, "width") in self._spans else ():
             if shared not in self.absent:
                 width = self.model.friction[shared].options["width"]
-                self.model = with_value(self.model, [p], "width", width)
+                self.model = with_values(self.model, [p], {"width": width})
 
     def _of(self, heads: Iterable[int]) -> list[int]:
         """Return the places of stated parts and of those for drives of a width of their own."""
@@ -293,13 +289,12 @@ class _FieldSearch:
         return by_drive(self.model, self.model.friction, parts)
 
     def with_part(self, p: int) -> FieldChoice:
-        """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
+        """Hold a part against its absence, with the best values of its fields, and put it there if it is better."""
         part = self.model.friction[p]
         self._progress(f"friction: {FRICTION.name_of(part)} on held-out samples")
         self._share_width(p)
-        name = self._own_fields(p)[0]
-        grid = np.geomspace(*self._spans[p, name], COARSE)
-        tried = self._tried(self._of([p]), name, grid)
+        points = self._points(p, self._own_fields(p))
+        tried = self._tried(self._of([p]), points)
         if not tried.tells:
             return self._told(p, False, None)
         first, *others = tried.errors()
@@ -307,7 +302,7 @@ class _FieldSearch:
         gaps = first - others[k]
         if better := is_better(gaps):
             self.absent = tuple(other for other in self.absent if self.heads[other] != p)
-            self.model = with_value(self.model, self._of([p]), name, float(grid[k]))
+            self.model = with_values(self.model, self._of([p]), points[k])
         return self._told(p, better, gaps)
 
     def _group(self, p: int, name: str) -> tuple[int, ...]:
@@ -322,34 +317,53 @@ class _FieldSearch:
             if (other, name) in self._spans and (own.joints, getattr(own, name, None)) == alike
         )
 
-    def _chosen(self, group: tuple[int, ...], name: str, span: tuple[float, float]) -> FieldChoice:
-        """Return what the logs say about one field of some parts, all else as it is in the model, and take it."""
-        if name == "width":
+    def _chosen(self, group: tuple[int, ...], names: Sequence[str]) -> list[FieldChoice]:
+        """Return what the logs say about fields of some parts together, all else as in the model, and take it."""
+        if names[0] == "width":
             joints = self.stated.friction[group[0]].joints
             self.model, self.absent, self.heads = together(self.model, self.absent, self.heads, group, joints)
             self.apart = [each for each in self.apart if each[0] != group[0]]
         there = [p for p in group if p not in self.absent]
         labels = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in there))
-        stated = float(getattr(self.stated.friction[there[0]], name))
-        self._progress(f"friction: {labels} {name} on held-out samples")
-        about = (labels, self.stated.friction[there[0]].joints, name, stated)
-        self.model = with_value(self.model, there, name, stated)
-        grid = np.geomspace(*span, COARSE)
-        tried = self._tried(there, name, grid)
+        value = stated = {name: float(getattr(self.stated.friction[there[0]], name)) for name in names}
+        self._progress(f"friction: {labels} {' and '.join(names)} on held-out samples")
+        about = (labels, self.stated.friction[there[0]].joints)
+        self.model = with_values(self.model, there, stated)
+        tried = self._tried(there, points := self._points(group[0], names))
         if not tried.tells:
-            return FieldChoice(*about, stated, stated, 0.0, None)
+            return [FieldChoice(*about, name, x, x, x, 0.0, None) for name, x in stated.items()]
         first, *others = tried.errors(fastest=False)
-        k, value = int(np.argmin([np.mean(each) for each in others])), stated
+        k = int(np.argmin([np.mean(each) for each in others]))
         gain, error = share_of(first - others[k])
         if is_taken := is_better(first - others[k]):
-            self.model = with_value(self.model, there, name, float(grid[k]))
-            fine = np.geomspace(grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)], FINE)
-            value = self._tried(there, name, fine).finest(fine)
-            self.model = with_value(self.model, there, name, value)
-        if name == "width":
-            errors = tried.by_joint()
-            self._set_apart(group, labels, stated, grid, [errors[k + 1 if is_taken else 0], *errors[1:]])
-        return FieldChoice(*about, value if is_taken else float(grid[k]), value, gain, error)
+            self.model, value = with_values(self.model, there, points[k]), dict(points[k])
+            for name in [*names] * len(names):
+                value[name] = self._finer(there, name, value[name])
+        if names[0] == "width":
+            errors, grid = tried.by_joint(), np.array([point["width"] for point in points])
+            self._set_apart(group, labels, stated["width"], grid, [errors[k + 1 if is_taken else 0], *errors[1:]])
+        best = value if is_taken else points[k]
+        return [FieldChoice(*about, name, stated[name], best[name], value[name], gain, error) for name in names]
+
+    def _points(self, p: int, names: Sequence[str]) -> list[dict[str, float]]:
+        """Return the values of fields of a part that are compared."""
+        grids = [self._grid(p, name) for name in names]
+        return [dict(zip(names, map(float, values), strict=True)) for values in itertools.product(*grids)]
+
+    def _grid(self, p: int, name: str) -> Array:
+        """Return the values of a field over its range."""
+        is_further = name in self._own_fields(p)[1:]
+        return np.geomspace(*self._spans[p, name], BESIDE if is_further else COARSE)
+
+    def _finer(self, there: Sequence[int], name: str, value: float, steps: float = 1.0) -> float:
+        """Return the value near one of the grid that fits all rows best, and take it."""
+        p = self.heads[there[0]]
+        (low, high), grid = self._spans[p, name], self._grid(p, name)
+        step = (grid[1] / grid[0]) ** steps
+        fine = np.geomspace(max(value / step, low), min(value * step, high), FINE)
+        best = self._tried(there, [{name: float(x)} for x in fine]).finest(fine)
+        self.model = with_values(self.model, there, {name: best})
+        return best
 
     def _set_apart(self, group: Sequence[int], label: str, stated: float, grid: Array, errors: Sequence[Array]) -> None:
         """Give drives widths of their own where held-out samples ask for them and the model is better with all."""
@@ -362,24 +376,17 @@ class _FieldSearch:
         sets = [by_drive(model, parts, own) for own in (range(len(before)), range(len(before), len(parts)))]
         if is_better(np.subtract(*HeldOut.of(self._pooled.pool(parts), sets[0], sets).errors(fastest=False))):
             self.model, self.absent, self.heads = split, absent, heads
-            self.apart += [(group[0], self._finer(group, held, grid)) for held in own.values()]
+            for held in own.values():
+                there = [p for p in self._of(group) if split.friction[p].joints == held.joints and p not in absent]
+                best = self._finer(there, "width", held.value, steps=2.0)
+                self.apart.append((group[0], replace(held, best=best, value=best)))
 
-    def _finer(self, group: Sequence[int], held: FieldChoice, grid: Array) -> FieldChoice:
-        """Return what the logs say about the width of a drive set apart, found to a finer step and taken."""
-        own = [p for p in self._of(group) if self.model.friction[p].joints == held.joints]
-        step = (grid[-1] / grid[0]) ** (2.0 / (len(grid) - 1))
-        fine = np.geomspace(max(held.value / step, grid[0]), min(held.value * step, grid[-1]), FINE)
-        best = self._tried([p for p in own if p not in self.absent], "width", fine).finest(fine)
-        self.model = with_value(self.model, own, "width", best)
-        return replace(held, best=best, value=best)
-
-    def _tried(self, group: Sequence[int], name: str, grid: Array) -> HeldOut:
-        """Return the model with values of a field of some parts; of one that is absent, it with each beside itself."""
+    def _tried(self, group: Sequence[int], points: Sequence[Mapping[str, float]]) -> HeldOut:
+        """Return the model with values of fields of some parts; of one that is absent, it with each beside itself."""
         model = self.model
         present = [p for p in range(len(model.friction)) if p not in self.absent]
         parts = [model.friction[p] for p in present]
-        options = [{name: float(value)} if name else {} for value in grid]
-        stand_ins = [replace(model.friction[p], **each) for each in options for p in group]
+        stand_ins = [replace(model.friction[p], **each) for each in points for p in group]
         pool = self._pooled.pool(every := [*parts, *stand_ins])
 
         def columns(value: int | None) -> list[list[int]]:
@@ -388,6 +395,6 @@ class _FieldSearch:
                 places |= {p: len(parts) + value * len(group) + k for k, p in enumerate(group)}
             return by_drive(model, every, places.values())
 
-        sets = [columns(value) for value in (None, *range(len(grid)))]
+        sets = [columns(value) for value in (None, *range(len(points)))]
         tried = HeldOut.of(pool, sets[0], sets)
         return tried.with_parts(sets) if any(p in self.absent for p in group) else tried

@@ -29,11 +29,11 @@ def by_unit(model: DynamicModel, part: Friction) -> tuple[Friction, ...]:
     return tuple(replace(part, joints=tuple(joint.name for joint in own if joint.kind == kind)) for kind in kinds)
 
 
-def with_value(model: DynamicModel, group: Sequence[int], name: str, value: float) -> DynamicModel:
-    """Return the model with another value of a field of some parts."""
+def with_values(model: DynamicModel, group: Sequence[int], values: Mapping[str, float]) -> DynamicModel:
+    """Return the model with other values of fields of some parts."""
     parts = list(model.friction)
     for p in group:
-        parts[p] = replace(parts[p], **{name: value})
+        parts[p] = replace(parts[p], **values)
     return replace(model, friction=tuple(parts))
 
 

@@ -32,6 +32,16 @@ def has_varying(model: DynamicModel) -> bool:
     return any(part.vary for part in model.friction)
 
 
+def has_choices(model: DynamicModel) -> bool:
+    """Return whether a friction part leaves fields, or itself, to the logs where held-out samples ask for it."""
+    return any(part.choose for part in model.friction)
+
+
+def without_optional(model: DynamicModel) -> DynamicModel:
+    """Return the model without the parts that are only there if held-out samples ask for them."""
+    return replace(model, friction=tuple(part for part in model.friction if not part.is_optional))
+
+
 def vary_fields(
     model: DynamicModel,
     logs: Sequence[Prepared],
