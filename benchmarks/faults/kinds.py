@@ -170,7 +170,7 @@ KINDS = (
     Kind("payload [kg]", ("load at the flange",), put.loaded, (1e-3, 50.0)),
     Kind("mounting [variant]", ("mounting",), lambda c, s, g: put.mounted(c, int(s)), fixed=(0, 1, 2)),
     Kind("another arm [variant]", ("another robot",), lambda c, s, g: put.other_arm(c, int(s)), fixed=(0, 1, 2)),
-    Kind("tilt of the base [deg]", ("tilt",), put.tilted, (1e-3, 20.0)),
+    Kind("tilt of the base [deg]", ("tilt", "mounting"), put.tilted, (1e-3, 20.0)),
     Kind("poor excitation [rad]", ("poor excitation",), put.poor, fixed=(0.1, 0.3, 0.6), why="it replaces the motion"),
     Kind("speed scaling", ("speed scaling",), put.slowed, fixed=(0.9, 0.7, 0.3), why="positions are the measured ones"),
 )

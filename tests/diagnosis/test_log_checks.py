@@ -147,7 +147,7 @@ def test_a_wrong_gravity_is_named_with_the_right_one(trial: Trial, kind: int, tm
     assert "[0, 0, -9.81]" in finding.remedy
 
 
-@pytest.mark.parametrize("angle", [21.6, 70.0])
+@pytest.mark.parametrize("angle", [5.0, 21.6, 70.0])
 def test_a_base_on_a_slope_is_named_with_its_own_direction(case: Case, angle: float, tmp_path: Path) -> None:
     """Between the axes: the log of an arm on a slope, declared upright."""
     lean = np.radians(angle)

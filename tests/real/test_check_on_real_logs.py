@@ -6,6 +6,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from dynident.case.case import read_case
@@ -25,6 +26,21 @@ def test_no_recorded_log_has_an_error(name: str, monkeypatch: pytest.MonkeyPatch
         pytest.skip(f"no {case.train[0]} under DYNIDENT_DATA or ../shared/data")
     for log in (*case.train, *case.test):
         assert [one.line() for one in examine(case, log).findings if one.severity == "error"] == []
+
+
+def test_a_turned_sign_is_told_and_no_scale_that_leaves_its_joint_unexplained(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = DATA / "panda_gaz2019/exciting_traj_1.csv"
+    if not log.is_file():
+        pytest.skip(f"no {log.name} under DYNIDENT_DATA or ../shared/data")
+    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    table = pd.read_csv(log)
+    table["tau4"] *= -1.0
+    table.to_csv(tmp_path / "turned.csv", index=False)
+    case = read_case(ROOT / "examples" / "cases" / "panda.yaml")
+    grave = [one for one in examine(case, str(tmp_path / "turned.csv")).findings if one.severity == "error"]
+    assert [(one.name, one.joint) for one in grave] == [("torque sign", "joint4")]
 
 
 @pytest.mark.battery

@@ -26,8 +26,8 @@ APART = 0.9
 NEAR, MORE = 0.98, 3.0
 
 #: Angle in degrees from which a base is mounted otherwise: a smaller one is a tilt, which the residual tells with its
-#: deviation.
-LEAN = 10.0
+#: deviation, as if the torques were linear in it.
+LEAN = 2.0
 
 #: Pairs of the parts of the rows: without gravity, and with one along each axis.
 PAIRS = tuple((a, b) for a in range(4) for b in range(a, 4))

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.held_out import ReadRows, predicts_unseen
+from dynident.diagnosis.causes.column_readings import GOOD
+from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.line_search import Found, Search, lowest_near, run, side_by_side
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.weighted_fit import RIDGE
@@ -98,16 +99,23 @@ def reading_of(fit: QuickFit, scale: JointScale) -> ReadRows:
 
 
 def is_sure(fit: QuickFit, scale: JointScale) -> bool:
-    """Return whether the scale of a joint is far off, has an interval, and predicts samples that it was not found on.
+    """Return whether the scale of a joint is far off, explains it, and predicts samples that it was not found on.
 
-    One without an end fits where the torque has nothing to do with the bodies: another cause then, or none at all.
+    One without an end, or beside which the joint is not explained, fits where the torque has nothing to do with the
+    bodies: another cause then, or none at all.
     """
+    if scale.gain <= SURE_GAIN or not np.isfinite(scale.spread):
+        return False
     joint = fit.model.robot.joint_names.index(scale.joint)
+    torque = fit.rows.torque[fit.rows.masks[:, joint], joint]
+    left = HeldOutErrors(fit).errors(reading_of(fit, scale))[:, joint].sum()
+    if left > GOOD**2 * np.var(torque) * len(torque):
+        return False
 
     def found_on(learned: QuickFit) -> ReadRows:
         return reading_of(learned, _scales(learned, [joint])[0])
 
-    return scale.gain > SURE_GAIN and bool(np.isfinite(scale.spread)) and predicts_unseen(fit, found_on)
+    return predicts_unseen(fit, found_on)
 
 
 def _scales(fit: QuickFit, joints: Iterable[int]) -> tuple[JointScale, ...]:
