@@ -47,6 +47,13 @@ def test_the_work_goes_on_when_nobody_reads_its_progress(broken: TextIO, monkeyp
     broken.flush()
 
 
+def test_a_step_that_comes_again_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+    with console.progress(2) as progress:
+        for text in ("delay", "friction", "delay", "fit"):
+            progress.step(text)
+    assert capsys.readouterr().err == "  delay\n  friction\n  fit\n"
+
+
 def test_a_list_that_begins_with_a_minus_sign_is_a_value(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["export", "none.json", "--to", "csv", "-o", "motion.csv", "--from-posture", "-1.5,0,.2"]
     assert main(words) == 1

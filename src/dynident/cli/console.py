@@ -120,7 +120,7 @@ class Progress:
     """Tells each step of a long work; a bar with the time left where stderr is a terminal, else one line a step."""
 
     def __init__(self, total: int, quiet: bool) -> None:
-        self._total, self._quiet, self._done = total, quiet, 0
+        self._total, self._quiet, self._told = total, quiet, set[str]()
         self._bar: Any = None
         self._task: Any = None
 
@@ -138,11 +138,12 @@ class Progress:
         self._task = self._bar.add_task("", total=self._total)
 
     def step(self, text: str) -> None:
-        """Begin a step; the one before is done."""
-        self._done += 1
+        """Begin a step; the one before is done. One that comes again, in another round of a search, is told once."""
+        is_new = text not in self._told
+        self._told.add(text)
         if self._bar is not None:
-            self._bar.update(self._task, description=text, completed=self._done - 1)
-        elif not self._quiet:
+            self._bar.update(self._task, description=text, completed=min(len(self._told), self._total) - 1)
+        elif is_new and not self._quiet:
             _say(f"  {text}", sys.stderr)
 
     def update(self, text: str) -> None:
