@@ -34,8 +34,9 @@ def files(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]) -> tu
 def test_tables_of_what_was_found(files: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", *files, "--friction", "auto", "--delay", "auto", "--quiet", "--full"]) == 0
     out = capsys.readouterr().out
-    assert "Time delay between torque and position signals" in out and "Friction model selection by joint" in out
-    assert re.search(r"joint2 +\+ coulomb \(width 0\.\d+\) \+ viscous .* up to here", out)
+    assert "Time delay between torque and position signals" in out
+    assert re.search(r"coulomb +all +width +0\.01 +0\.0\d+ .* best\n", out)
+    assert re.search(r"presliding +all +part +left out .* left out\n", out)
 
 
 def test_a_delay_that_is_no_number(files: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
