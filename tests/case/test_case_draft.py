@@ -19,6 +19,7 @@ from dynident.case.draft import readings
 from dynident.case.draft.recognise import cutoff_of
 from dynident.data.formats import Units
 from dynident.errors import BadOption, DescriptionError, FileError, LogFormatError, UnknownChoice
+from dynident.model.friction import FRICTION, auto_friction
 from dynident.model.robot import Drive, Robot
 from dynident.robot_files import read_robot
 
@@ -50,6 +51,8 @@ def test_a_plain_log_asks_for_nothing(arm: str, six: Robot, motion: dict[str, Ar
     assert case.robot.joint_names == six.joint_names and case.estimator.name == "consistent"
     assert case.columns.units == Units(position="rad", torque="N m")
     assert case.split is not None and case.preprocessing.delay_s is None and case.preprocessing.rate_hz is None
+    of_long_or_warm_logs = [FRICTION.name_of(part) for part in auto_friction() if part not in case.friction]
+    assert of_long_or_warm_logs == ["warm_up", "temperature"] and set(case.friction) < set(auto_friction())
     for words in ("rad   # within the limits as rad", "times the torque of the robot model's masses", "agree with it"):
         assert words in draft.text
 

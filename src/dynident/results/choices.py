@@ -114,8 +114,8 @@ def _held_out(found: Sequence[FieldChoice]) -> Table:
     )
     note = (
         "Reduction of the mean squared cross-validation residual by the best value. The given value is kept unless "
-        "that is half a per cent and more than chance makes it in one of twenty logs; of parts without fields of their "
-        "own the shortest list within one standard error of the best is there."
+        "that is half a per cent and more than chance makes it in one of twenty logs; of a part that was open it is a "
+        "start. Of parts without fields of their own the shortest list within one standard error of the best is there."
     )
     return Table(columns, rows, note)
 

@@ -39,7 +39,7 @@ class Stribeck(Friction):
     coefficients: ClassVar = (Coefficient("Fs", "N m", "N", nonnegative=True),)
     ranges: ClassVar = {
         "velocity": Range(0.01, 2.0, is_speed=True),
-        "exponent": Range(0.5, 2.0),
+        "exponent": Range(1.0, 2.0),
         "width": Range(1e-3, 0.3, is_speed=True),
     }
     selection: ClassVar = SelectionUse(

@@ -47,7 +47,7 @@ BLOCKS, OF_SHORT_LOGS = 16, 8
 
 #: Values over its range of a width or of a part's first field, of a further field beside each of these, and between the
 #: neighbours of the best of them where that is taken.
-COARSE, BESIDE, FINE = 13, 3, 7
+COARSE, BESIDE, FINE = 13, 2, 7
 
 #: Turns at most in which values are made finer where a part came; the share by which none moves in the last.
 POLISHED, SETTLED = 6, 0.02
