@@ -6,8 +6,9 @@ times the weight's torque, back-EMF, armature, friction, delay 2 to 20 ms, one i
 STS3215. A second answer gets one slow chirp without saturation and no gain: the torque at full duty has to be called
 not separable. Three or six joints: arms of desk size, all joints in motion at once, at 30, 50, 100 or 200 Hz,
 integrated by Pinocchio (servo_arms.py). One seed in four has stiction (Stribeck), and friction m2 is stated; m1 for the
-others. One line a seed is added to the file, and seeds that it holds are not run again.
-Run: python -m benchmarks.servos FILE [--joints N] [--seeds N] [--first K]
+others. One line a seed is added to the file, and seeds that it holds are not run again. With --minutes the arms have
+logs of that length in all, at position gains from 6 to 20, and no stiction: how long does the answer take?
+Run: python -m benchmarks.servos FILE [--joints N] [--seeds N] [--first K] [--minutes M]
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +111,12 @@ def logs_of(robot, true, seed: int, gains, motions):
     ]
 
 
-def one(seed: int, joints: int, folder: Path) -> dict[str, object]:
+def gains_of(minutes: float) -> tuple[float, ...]:
+    """Return the position gains at which an arm is logged, three logs each."""
+    return tuple(np.linspace(6.0, 20.0, ceil(20.0 * minutes / SECONDS))) if minutes else (8.0, 16.0)
+
+
+def one(seed: int, joints: int, folder: Path, minutes: float = 0.0) -> dict[str, object]:
     """Return what one seed gives, as plain data."""
     random = np.random.default_rng([7, seed] if joints == 1 else [11, joints, seed])
     rate = RATE
@@ -118,9 +125,10 @@ def one(seed: int, joints: int, folder: Path) -> dict[str, object]:
         logs, true = logs_of(robot, true, seed, (3.0, 6.0), ("chirp", "steps", "drop")), true[None]
     else:
         arm = drawn_arm(random, joints, LAW, folder)
-        add_stiction(random, arm.true)
+        if not minutes:
+            add_stiction(random, arm.true)
         robot, true, rate = arm.robot, arm.true, RATES[seed % len(RATES)]
-        logs = arm_logs(arm, rate, (8.0, 16.0))
+        logs = arm_logs(arm, rate, gains_of(minutes))
     friction = "m2" if true[0, PLACE["coulomb_stribeck"]] > 0 else "m1"
     setup, begun = ServoSetup((LAW,) * joints, ServoColumns(robot.joint_names), friction), time.process_time()
     found = identify_actuators(robot, setup, logs).joints
@@ -206,6 +214,7 @@ def main() -> None:
     options.add_argument("--joints", type=int, default=1, choices=(1, 3, 6))
     options.add_argument("--seeds", type=int, default=200)
     options.add_argument("--first", type=int, default=0)
+    options.add_argument("--minutes", type=float, default=0.0)
     chosen = options.parse_args()
     file: Path = chosen.file
     lines = [json.loads(text) for text in file.read_text().splitlines()] if file.exists() else []
@@ -213,7 +222,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(chosen.first, chosen.first + chosen.seeds):
             if seed not in done:
-                lines.append(one(seed, chosen.joints, Path(folder)))
+                lines.append(one(seed, chosen.joints, Path(folder), chosen.minutes))
                 with file.open("a") as sink:
                     sink.write(json.dumps(lines[-1]) + "\n")
     print("\n".join(summary(lines)))

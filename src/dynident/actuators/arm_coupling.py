@@ -43,6 +43,7 @@ class Arm:
         used: Parameters of each joint that the motions are by, each (COUNT,).
         coupling: Derivatives of the free parameters that the fits find by those that the motions are by, P of all
             joints together, shape (P, P); none before they are found.
+        few: Training logs by which these are found; None for all.
     """
 
     robots: Sequence[Robot]
@@ -53,6 +54,7 @@ class Arm:
     fits: Sequence[JointFit]
     used: Sequence[Array]
     coupling: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    few: Sequence[int] | None = None
 
     def error(self) -> float:
         """Return the mean logarithm of the errors of the roll-outs, over joints and logs."""
@@ -67,6 +69,7 @@ class Arm:
             ends=[self.ends[k] for k in logs],
             motions=[self.motions[k] for k in logs],
             datas=[data.part(logs) for data in self.datas],
+            few=None,
         )
 
     def _pairs(self) -> list[tuple[ServoProblem, JointFit]]:
@@ -95,10 +98,10 @@ class Arm:
             is_whole: Whether by all parameters; else by the zeros of the encoders alone, the readings as they are,
                 which leads to the answer from afar.
         """
-        firsts = self.firsts
+        firsts, arm = self.firsts, self if self.few is None else self.part(self.few)
         found = np.zeros((firsts[-1], firsts[-1]))
-        theirs = [_Response(one, fit, spread) for (one, fit), spread in zip(self._pairs(), spreads, strict=True)]
-        for joint, ((one, _), spread) in enumerate(zip(self._pairs(), spreads, strict=True)):
+        theirs = [_Response(one, fit, spread) for (one, fit), spread in zip(arm._pairs(), spreads, strict=True)]
+        for joint, ((one, _), spread) in enumerate(zip(arm._pairs(), spreads, strict=True)):
             values, deviations = self.used[joint][one.places], np.sqrt(np.diag(spread.covariance))
             most = _OF_VALUE * np.maximum(np.abs(values), one.scales())
             sizes = np.minimum(_OF_DEVIATION * deviations, most)
@@ -108,7 +111,7 @@ class Arm:
             for column in np.flatnonzero(counts).tolist():
                 moved = values.copy()
                 moved[column] += sizes[column]
-                torques = self._torques(joint, one.full(moved, self.used[joint]), is_whole)
+                torques = arm._torques(joint, one.full(moved, self.used[joint]), is_whole)
                 for other in set(range(len(theirs))) - {joint}:
                     rows = slice(firsts[other], firsts[other + 1])
                     change = theirs[other].to([torque[:, other] for torque in torques])
@@ -139,16 +142,18 @@ class Arm:
         """How an error of each fit reaches all of them where they find themselves, (I - G)^-1, shape (P, P)."""
         return np.asarray(np.linalg.inv(np.eye(len(self.coupling)) - self.coupling))
 
-    def step(self) -> Array:
+    def step(self, share: float = 1.0) -> Array:
         """Return the step to parameters that find themselves, shape (P,).
 
         Motions by the parameters p let the fits find f(p); with its derivatives G the fixed point is
         p + (I - G)^-1 (f(p) - p).
+
+        Args:
+            share: Of what the joints change of each other, that is gone.
         """
         pairs = zip(self._pairs(), self.used, strict=True)
-        step = self.reach @ np.concatenate(
-            [fit.parameters[one.places] - used[one.places] for (one, fit), used in pairs]
-        )
+        alone = np.concatenate([fit.parameters[one.places] - used[one.places] for (one, fit), used in pairs])
+        step = alone + share * (self.reach @ alone - alone)
         return step * min(1.0, LONGEST_STEP / max(float(np.abs(step[self.zeros]).max(initial=0.0)), 1e-12))
 
     def reached(self, spreads: Sequence[Spread], reach: Array, step: Array) -> list[Spread]:

@@ -19,17 +19,18 @@ from dynident.arrays import Array
 #: until no parameter that the logs see moves by more than this share of its standard deviation.
 LEAST_TURNS, MOST_TURNS, SETTLED = 2, 10, 0.2
 
-#: At most, before richer friction is sought, and with all logs where the fits of some of them are settled.
-FIRST_TURNS, FEW_TURNS = 4, 2
+#: At most, before richer friction is sought, in some of the logs, and in all logs after that.
+FIRST_TURNS, SOME_TURNS, FEW_TURNS = 4, 6, 1
 
-#: Least and most share of a step of the zeros that is gone.
-_SHARES = (0.2, 2.0)
+#: Least and most share of a step of the zeros that is gone, and the share near the answer: derivatives by the zeros
+#: alone take the slowest mode of the arm for slower than it is.
+_SHARES, _NEAR = (0.2, 2.0), 0.5
 
 #: Turns in a row with a larger error than the best one after which the best one stands.
 _WORSE = 3
 
 #: Evaluations of the output error of each joint in a turn, and with the step of the answer.
-_EVALUATIONS, _FINISH = 15, 6
+_EVALUATIONS, _FINISH = 15, 5
 
 
 def settled(arm: Arm, progress: Callable[[str], None], least: int = LEAST_TURNS, most: int = MOST_TURNS) -> Arm:
@@ -38,10 +39,10 @@ def settled(arm: Arm, progress: Callable[[str], None], least: int = LEAST_TURNS,
     Args:
         arm: With fits of each joint under its loads.
         progress: Called with each step in words.
-        least: Turns at least.
+        least: Turns at least; 0 near the answer.
         most: Turns at most.
     """
-    best, error, worse, share, last = arm, np.inf, 0, 1.0, np.zeros(0)
+    best, error, worse, share, last = arm, np.inf, 0, 1.0 if least else _NEAR, np.zeros(0)
     for turn in range(most if len(arm.fits) > 1 else 0):
         spreads = arm.spreads()
         arm = arm.coupled(spreads, is_whole=False)
@@ -103,12 +104,12 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     spreads = arm.spreads()
     reach = arm.coupled(spreads, is_whole=True).reach
     arm = arm.coupled(spreads, is_whole=False)
-    fits = arm.after(arm.step())
+    fits = arm.after(arm.step(share=_NEAR))
     ends = [divided(one, FINE_LOAD_STEP) for one in arm.ends]
     arm = replace(arm, ends=ends, motions=[motion_at(*pair) for pair in zip(arm.motions, ends, strict=True)])
     arm = turned(arm, fits, finely=True)
     step = arm.step()
-    return replace(arm, fits=arm.after(step)), arm.reached(arm.spreads(finely=True), reach, step)
+    return replace(arm, fits=arm.after(arm.step(share=_NEAR))), arm.reached(arm.spreads(finely=True), reach, step)
 
 
 def _is_settled(spreads: Sequence[Spread], step: Array) -> bool:

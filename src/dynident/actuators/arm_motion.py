@@ -80,7 +80,7 @@ def relaxed(
 
 
 def joint_motion(record: JointRecord, own: Array, measured: MeasuredMotion | None, ends: Array) -> Sequence[Array]:
-    """Return reading, velocity and acceleration of a joint in the parts of its load, each (K,).
+    """Return reading, velocity and acceleration of a joint in the parts of its load, each (K,), two steps a part.
 
     Args:
         record: The joint in the log.
@@ -89,7 +89,7 @@ def joint_motion(record: JointRecord, own: Array, measured: MeasuredMotion | Non
         ends: Ends of the parts of the load, shape (K + 1,), in s.
     """
     step, time = np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
-    model = rolled_out(record.finely(ends), own)
+    model = rolled_out(record.finely(ends), own, longest=0.5 * float(step.max()))
     found = [0.5 * (model.q[1:] + model.q[:-1]), np.diff(model.q) / step, np.diff(model.dq) / step]
     if measured is None or not np.isfinite(model.q).all():
         return found

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.actuators.arm_coupling import Arm
-from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, finished, settled, turned
+from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, SOME_TURNS, finished, settled, turned
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
 from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit, richer_fit
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
@@ -22,7 +22,7 @@ from dynident.arrays import Array
 from dynident.model.robot import Robot
 
 #: Logs of this length in s all is found from first: delay, gain, friction, zeros of the encoders.
-FIRST_S = 80.0
+FIRST_S = 60.0
 
 
 def identify_actuators(
@@ -76,9 +76,16 @@ def identify_actuators(
 
 
 def _first_logs(logs: Sequence[ServoLog], joints: int) -> list[int]:
-    """Return the logs that all is found from first, at least FIRST_S; all of them for a single joint."""
+    """Return the logs that all is found from first, at least FIRST_S; all of them for a single joint.
+
+    Drawn, but with the share of logs in which drives are off that all of them have.
+    """
     seconds = np.array([log.time[-1] - log.time[0] for log in logs])
-    order = np.random.default_rng(0).permutation(len(logs))
+    order, ranks = np.random.default_rng(0).permutation(len(logs)), np.empty(len(logs))
+    is_off = np.array([not log.enabled.all() for log in logs])
+    for group in (order[is_off[order]], order[~is_off[order]]):
+        ranks[group] = (np.arange(len(group)) + 0.5) / max(len(group), 1)
+    order = order[np.argsort(ranks[order], kind="stable")]
     count = int(np.searchsorted(np.cumsum(seconds[order]), FIRST_S)) + 1
     return sorted(order[:count].tolist()) if joints > 1 else list(range(len(logs)))
 
@@ -93,7 +100,9 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
         replace(one, datas=[at_ratio(*each) for each in zip(one.datas, ratios, strict=True)]) for one in (arm, part)
     )
     used = [with_zero(fit.parameters, 0.0) for fit in fits]  # the measured motion has no zeros
-    part = settled(replace(part, fits=fits, used=used), progress, most=MOST_TURNS if friction == "m1" else FIRST_TURNS)
+    is_all = len(first) == len(arm.datas[0].train)
+    most = (MOST_TURNS if is_all else SOME_TURNS) if friction == "m1" else FIRST_TURNS
+    part = settled(replace(part, fits=fits, used=used), progress, most=most)
     if friction != "m1":
         pairs = list(zip(part.datas, part.fits, strict=True))
         fits = [richer_fit(*each, friction, effort, progress, from_fit=len(pairs) > 1) for each in pairs]
@@ -105,9 +114,9 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
     for k, motion in zip(first, part.motions, strict=True):
         motions[k] = replace(motion, q=motion.q - zeros)
     used = [with_zero(own, 0.0) for own in part.used]
-    arm = replace(arm, motions=motions, fits=part.fits, used=used)
+    arm = replace(arm, motions=motions, fits=part.fits, used=used, few=first)
     arm = turned(arm, part.fits)
-    return arm if len(first) == len(arm.datas[0].train) else settled(arm, progress, 0, FEW_TURNS)
+    return arm if is_all else settled(arm, progress, 0, FEW_TURNS)
 
 
 def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...]) -> JointActuator:

@@ -13,7 +13,7 @@ from dynident.actuators.joint_load import JointLoad
 from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, linear_start, refinable, start_at
 from dynident.actuators.output_error import RefineEffort, ServoProblem, output_error, refined, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
-from dynident.actuators.rollout import SEARCH_STEP, JointRecord, rolled_out, started
+from dynident.actuators.rollout import ROUGH_STEP, SEARCH, SEARCH_STEP, JointRecord, rolled_out, started
 from dynident.actuators.servo_log import AUTO
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
@@ -62,18 +62,25 @@ class JointData:
         return replace(self, train=tuple(records[:count]), test=tuple(records[count:]))
 
     def part(self, logs: Sequence[int]) -> JointData:
-        """Return the joint in some of the training logs."""
-        return replace(self, train=tuple(self.train[k] for k in logs), test=(), rows=tuple(self.rows[k] for k in logs))
+        """Return the joint in some of the training logs, to be searched by longer steps where it is one of an arm."""
+        step = SEARCH_STEP if self.is_alone else ROUGH_STEP
+        train = tuple(replace(self.train[k], search=step) for k in logs)
+        return replace(self, train=train, test=(), rows=tuple(self.rows[k] for k in logs))
 
     def started(self, parameters: Array) -> JointData:
         """Return the joint with the training logs started where roll-outs follow them best."""
-        return replace(self, train=tuple(started(one, parameters, longest=SEARCH_STEP) for one in self.train))
+        return replace(self, train=tuple(started(one, parameters, longest=SEARCH) for one in self.train))
 
     def while_on(self) -> JointData:
         """Return the joint with training samples counted only where the drive is on; all of a log where it never is."""
         on = [one.used & (one.samples[:, 4] > 0.5) for one in self.train]
         counted = [replace(one, used=u) if u.any() else one for one, u in zip(self.train, on, strict=True)]
         return replace(self, train=tuple(counted))
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether the robot has no other joint."""
+        return len(self.rows[0].log.joints) == 1
 
     @property
     def fastest(self) -> float:

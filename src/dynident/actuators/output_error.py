@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from dynident.actuators.parameters import PARAMETERS, PLACE, FrictionModel
-from dynident.actuators.rollout import NONE, SEARCH_STEP, STEP, JointRecord, from_best_start, rolled_out, started
+from dynident.actuators.rollout import NONE, SEARCH, STEP, JointRecord, from_best_start, rolled_out, started
 from dynident.actuators.rollout_loop import START_Q, START_V
 from dynident.arrays import Array, IntArray
 from dynident.errors import SolverFailed
@@ -69,13 +69,13 @@ class ServoProblem:
         records: The joint in the logs.
         free: Names of the free parameters.
         friction: Friction model, with its equal parameters.
-        longest: Longest step of the integration in s.
+        longest: Longest step of the integration in s, or SEARCH.
     """
 
     records: tuple[JointRecord, ...]
     free: tuple[str, ...]
     friction: FrictionModel
-    longest: float = SEARCH_STEP
+    longest: float = SEARCH
 
     @property
     def finely(self) -> ServoProblem:

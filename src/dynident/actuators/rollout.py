@@ -9,14 +9,17 @@ from typing import Final
 import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
-from dynident.actuators.joint_load import JointLoad, loop_samples
+from dynident.actuators.joint_load import LOAD_STEP, JointLoad, loop_samples
 from dynident.actuators.parameters import COUNT
 from dynident.actuators.rollout_loop import START_Q, START_V, roll_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray, IntArray
 
-#: Longest step of the integration in s: of a search, and of the answer.
-SEARCH_STEP, STEP = 4e-3, 5e-4
+#: Longest step of the integration in s: of the search in some logs of an arm, of the search, and of the answer.
+ROUGH_STEP, SEARCH_STEP, STEP = LOAD_STEP, 4e-3, 5e-4
+
+#: Stands for the longest step of the search.
+SEARCH: Final = 0.0
 
 #: No derivative is asked for.
 NONE: Final = np.full(COUNT + 2, -1)
@@ -46,6 +49,7 @@ class JointRecord:
         used: Those of them whose error counts, shape (N,).
         start: Position and velocity at the first sample, shape (2,).
         says: What the first reads alone say of them, and the standard deviations of that, shape (2, 2).
+        search: Longest step of the search in s.
     """
 
     name: str
@@ -58,6 +62,7 @@ class JointRecord:
     used: BoolArray
     start: Array
     says: Array
+    search: float = SEARCH_STEP
 
     def part(self, first: int, last: int) -> JointRecord:
         """Return some of the samples, started from the measurement there."""
@@ -156,20 +161,29 @@ def rolled_out(record: JointRecord, parameters: Array, at: IntArray = NONE, long
         parameters: In the order of PARAMETERS, shape (COUNT,).
         at: Column of the derivatives by each parameter and by position and velocity at the start, shape (COUNT + 2,);
             equal parameters share one, -1: none.
-        longest: Longest step of the integration in s.
+        longest: Longest step of the integration in s, or SEARCH.
     """
     count = len(record.q)
     out = np.empty((count, 4 + int(at.max())))
-    roll_out(parameters, record.samples, record.loads, record.law, record.start, longest, at, out)
+    roll_out(parameters, record.samples, record.loads, record.law, record.start, longest or record.search, at, out)
     return Rollout(out[:, 0], out[:, 1], out[:, 3:], out[:, 2] > 0.5)
 
 
 def _start_weights(record: JointRecord, error: Array, by_start: Array) -> tuple[Array, Array]:
     """Return the inverse of the normal matrix of the start (2, 2), and the weight of what the first reads say (2,)."""
     normal = by_start.T @ by_start
-    left = error - by_start @ (np.linalg.pinv(normal, rcond=1e-12, hermitian=True) @ (by_start.T @ error))
+    left = error - by_start @ (_inverse(normal) @ (by_start.T @ error))
     prior = max(float(np.mean(left**2)), 1e-14) / record.says[1] ** 2
-    return np.linalg.inv(normal + np.diag(prior)), prior
+    return _inverse(normal + np.diag(prior)), prior
+
+
+def _inverse(normal: Array) -> Array:
+    """Return the pseudo-inverse of a positive semidefinite matrix, shape (2, 2)."""
+    (a, b), (_, d) = normal.tolist()
+    trace, size = a + d, a * d - b * b
+    if size > 1e-12 * trace * trace:
+        return np.array([[d, -b], [-b, a]]) / size
+    return normal / max(trace * trace, 1e-300)  # of rank 1
 
 
 def from_best_start(record: JointRecord, error: Array, slopes: Array) -> tuple[Array, Array, Array]:
@@ -200,7 +214,7 @@ def started(record: JointRecord, parameters: Array, first: int | None = None, lo
         record: The joint in the log.
         parameters: Shape (COUNT,).
         first: Samples that count, from the first one on; None for all.
-        longest: Longest step of the integration in s.
+        longest: Longest step of the integration in s, or SEARCH.
     """
     at = NONE.copy()
     at[[START_Q, START_V]] = 0, 1
@@ -214,7 +228,7 @@ def started(record: JointRecord, parameters: Array, first: int | None = None, lo
     return replace(record, start=part.start)
 
 
-def mean_errors(records: Sequence[JointRecord], parameters: Array, longest: float = SEARCH_STEP) -> Array:
+def mean_errors(records: Sequence[JointRecord], parameters: Array, longest: float = SEARCH) -> Array:
     """Return the mean absolute position error of each roll-out, shape (logs,), in rad."""
     return np.array([mean_error(record, rolled_out(record, parameters, longest=longest).q) for record in records])
 
