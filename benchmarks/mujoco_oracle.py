@@ -26,21 +26,16 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
     api: Any = mujoco
     with without_log():
         model = _with_turned_bodies(api, path)
+    moving = [i for i in range(model.njnt) if model.jnt_type[i] >= int(api.mjtJoint.mjJNT_SLIDE)]  # none floats
+    names = [model.joint(i).name or f"joint{i + 1}" for i in moving]
+    share, shift = tied(api, model, moving, [names.index(name) for name in robot.joint_names])
+    turn = share.T
     model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_CONSTRAINT) | int(api.mjtDisableBit.mjDSBL_SPRING)
     model.opt.density = model.opt.viscosity = 0.0
     for name in FORCES:
         if hasattr(model, name):  # of MuJoCo 4, some of them
             getattr(model, name)[:] = 0.0
-    moving = [i for i in range(model.njnt) if model.jnt_type[i] >= int(api.mjtJoint.mjJNT_SLIDE)]  # none floats
-    names = [model.joint(i).name or f"joint{i + 1}" for i in moving]
     bodies = [model.body(i).name or f"body{i}" for i in range(model.nbody)]
-    column = {name: i for i, name in enumerate(robot.joint_names)}
-    turn, shift = np.zeros((len(names), robot.dof)), np.zeros(len(names))
-    for joint in robot.joints:
-        row = names.index(joint.name)
-        leader = joint.mimic.joint if joint.mimic else joint.name
-        turn[row, column[leader]] = joint.mimic.multiplier if joint.mimic else 1.0
-        shift[row] = joint.mimic.offset if joint.mimic else 0.0
     data = api.MjData(model)
     states = q @ turn.T + shift, dq @ turn.T, ddq @ turn.T
     model.body_mass[:], model.body_inertia[:] = 0.0, 0.0
@@ -69,6 +64,37 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
             torques[:, :, k] = _torques(api, model, data, states) @ turn - bare
         found[:, :, 10 * number : 10 * number + 10] = np.linalg.solve(table.T, torques.swapaxes(1, 2)).swapaxes(1, 2)
     return found
+
+
+def tied(api: Any, model: Any, moving: list[int], free: list[int]) -> tuple[Array, Array]:
+    """Return the share of each free joint in each joint, (n, N), and the positions of all where the free ones are 0.
+
+    They are what MuJoCo's equalities of joints and tendons leave open, by their Jacobian and residual.
+
+    Args:
+        api: The package.
+        model: The ``mujoco.MjModel``.
+        moving: Its hinges and slides.
+        free: Those of these that follow none and are not held.
+    """
+    data, kind = api.MjData(model), model.opt.jacobian
+    model.opt.jacobian = api.mjtJacobian.mjJAC_DENSE
+    api.mj_fwdPosition(model, data)
+    model.opt.jacobian = kind
+    linear = (int(api.mjtEq.mjEQ_JOINT), int(api.mjtEq.mjEQ_TENDON))
+    rows = [row for row in range(data.ne) if model.eq_type[data.efc_id[row]] in linear]
+    jacobian = np.reshape(data.efc_J, (-1, model.nv))[rows][:, model.jnt_dofadr[moving]]
+    start = model.qpos0[model.jnt_qposadr[moving]]
+    ratio, still = np.zeros((len(free), len(moving))), start.copy()
+    ratio[:, free], still[free] = np.eye(len(free)), 0.0
+    others = [joint for joint in range(len(moving)) if joint not in free]
+    if rows:
+        wanted = jacobian @ (start - still) - data.efc_pos[rows]
+        open_ones = np.column_stack([-jacobian[:, free], wanted])
+        found = np.linalg.lstsq(jacobian[:, others], open_ones, rcond=None)[0]
+        ratio[:, others] = found[:, :-1].T
+        still[others] += found[:, -1]
+    return ratio, still
 
 
 def _with_turned_bodies(api: Any, path: Path) -> Any:

@@ -34,7 +34,8 @@ HAND = f"""<mujoco model="hand"><compiler angle="radian" boundmass=".4"/><option
 <worldbody><site name="of world"/><geom name="plate" pos="0 0 .3"/>
 <body name="palm" pos=".1 .2 .3" childclass="quick"><joint name="p" axis="0 1 0" range="-1 1"/>{BODY}<site name="s"/>
   <body name="left" pos="0 .1 .2" euler=".3 .4 0"><joint name="l" axis="1 0 0"/>{BODY}<site name="of left"/>
-    <frame name="outer" pos="1 2 3"><frame name="inner" pos=".1 0 0" euler="0 0 1">{FINGER}</frame></frame></body>
+    <frame name="outer" pos="1 2 3"><frame name="inner" pos=".1 0 0" euler="0 0 1">
+      <geom group="1" size=".1"/><geom group="2" size=".1"/>{FINGER}</frame></frame></body>
   <body name="right" pos="0 -.1 0"><joint name="r" axis="1 0 0"/>{BODY}</body>
   <replicate count="2" offset=".1 0 0" sep="-"><body name="copy"><joint name="c"/>{BODY}</body></replicate></body>
 <body name="aside"><joint name="s"/>{BODY}</body></worldbody>
@@ -107,6 +108,10 @@ CASES = {
         "</mujoco>",
         '<tendon><fixed name="v"><joint joint="h_c-0-0" coef="2"/><joint joint="h_p-1" coef="1"/></fixed></tendon>'
         '<equality><joint joint1="h_c-1-0" joint2="h_c-0-1"/><tendon tendon1="v" polycoef=".1"/></equality></mujoco>',
+    ),
+    "geoms of a frame, by the groups of the body": attached(
+        '<body name="bare"><joint name="e"/><attach model="hand" frame="inner" prefix="h_"/></body>',
+        settings='<compiler inertiagrouprange="0 1"/>',
     ),
     "mass of all": attached('<attach model="hand" body="left" prefix="h_"/>', settings='<compiler settotalmass="9"/>'),
 }  # fmt: skip
@@ -207,7 +212,10 @@ def test_what_is_attached_several_times_has_one_value(tmp_path: Path) -> None:
     twice = '<attach model="hand" body="right" prefix="a_"/><attach model="{}" body="right" prefix="b_"/>'
     written(attached(twice.format("hand")), tmp_path)
     (tmp_path / "proof").mkdir()
-    told = r"body 'a_right': its element stands for 2, by .*; write replicas as .*, attach each time a copy of the file"
+    told = (
+        r"body 'a_right': its element stands for 2, by .*; copy hand.xml to hand-2.xml beside it, add <model "
+        r"name='hand-2' file='.../hand-2.xml'/> to <asset>, write model='hand-2' in the <attach> with prefix='b_'"
+    )
     with pytest.raises(DescriptionError, match=told):
         written_back(tmp_path / "arm.xml", tmp_path / "out.xml")
     written(attached(twice.format("other"), NAMED + '<model name="other" file="parts/other.xml"/>'), tmp_path)

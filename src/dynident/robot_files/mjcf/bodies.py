@@ -73,7 +73,7 @@ class MjcfTree:
         sites: Named frames: the body, rotation and translation in the frame of its link.
         joints: The joints that move, by name.
         sources: The bodies of the file, by name.
-        motors: The actuators that give a joint armature or damping, by joint.
+        motors: The actuators that give a joint armature or damping, by joint, with which of these each gives.
         scopes: Of the model and of those attached to it.
         curved: The joints with damping of second or third order.
         notes: What has a torque in MuJoCo and none here.
@@ -86,7 +86,7 @@ class MjcfTree:
     sites: dict[str, tuple[str, Pose]] = field(default_factory=dict)
     joints: dict[str, JointSource] = field(default_factory=dict)
     sources: dict[str, BodySource] = field(default_factory=dict)
-    motors: dict[str, list[Element]] = field(default_factory=dict)
+    motors: dict[str, list[tuple[Element, list[str]]]] = field(default_factory=dict)
     scopes: list[MjcfScope] = field(default_factory=list)
     curved: set[str] = field(default_factory=set)
     notes: dict[str, list[str]] = field(default_factory=dict)
@@ -226,9 +226,9 @@ class _TreeReader:
         geoms: list[Inertia] = []
         if compiler.from_geoms == "true" or (compiler.from_geoms == "auto" and stated is None):
             for child, frame, inner in children:
-                found = inner.geoms.body(child, inner.childclass, frame) if child.tag == "geom" else None
-                if found is not None:
-                    geoms.append(found)
+                if child.tag == "geom":
+                    found = inner.geoms.body(child, inner.childclass, frame, compiler.groups)
+                    geoms += [] if found is None else [found]
         place = Values(body.place, body.attributes)
         return inertia_of_body(stated, geoms, compiler, place.numbers("pos", 3) if "pos" in place else np.zeros(3))
 

@@ -163,15 +163,20 @@ class Geoms:
         self._document, self._defaults = document, defaults
         self._meshes = Meshes.of(document, defaults)
 
-    def body(self, element: Element, childclass: str, frame: Pose) -> Inertia | None:
+    def body(self, element: Element, childclass: str, frame: Pose, groups: tuple[float, float]) -> Inertia | None:
         """Return the inertia of a geom about the origin of its body, in its axes; None where it does not count.
+
+        Args:
+            element: The geom.
+            childclass: The class that bodies and frames around it give it.
+            frame: Where the frame that it stands in is in its body.
+            groups: First and last group of the geoms that count for its body.
 
         Raises:
             DescriptionError: A fault of the geom, or a mesh that is not there.
         """
         values, kind = self._values(element, childclass)
-        low, high = self._document.compiler.groups
-        if not low <= values.number("group", 0.0) <= high or kind in ("plane", "hfield"):
+        if not groups[0] <= values.number("group", 0.0) <= groups[1] or kind in ("plane", "hfield"):
             return None
         mass = values.at_least_zero("mass") if "mass" in values else None
         density = values.at_least_zero("density", 1000.0)

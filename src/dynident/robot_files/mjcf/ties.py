@@ -190,7 +190,7 @@ def _driven(tree: MjcfTree, joints: list[Connection]) -> list[Connection]:
             if "damping" in states and np.any(values.numbers("damping", 1, 3)[1:]):
                 tree.note("damping of second and third order", name)
             if states:
-                tree.motors.setdefault(name, []).append(element)
+                tree.motors.setdefault(name, []).append((element, states))
     return [_moved(joint, motors.get(name, [])) for name, joint in found.items()]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from dynident.exports.models.writing.xml_text import number, numbers, quaternion
 from dynident.model.inertia import Inertia
 from dynident.model.parameters import to_mujoco_fullinertia
 from dynident.model.robot import Robot
+from dynident.robot_files.mjcf.bodies import MjcfTree
 from dynident.robot_files.mjcf.document import CompilerSettings
 from dynident.robot_files.mjcf.model import MjcfModel, read_mjcf_model
 from dynident.robot_files.mjcf.poses import ORIENTATIONS
@@ -29,7 +30,6 @@ from dynident.robot_files.tree import Connection, some, weightless
 from dynident.robot_files.xml_elements import Element
 
 _SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-_STEP = "write replicas as bodies of their own, attach each time a copy of the file, and identify again"
 #: Settings of the compiler under which a stated inertia is not the one that counts, and what ends that.
 _NEUTRAL = {
     "inertiafromgeom": ("true", "auto"),
@@ -182,9 +182,10 @@ class _Writer:
             DescriptionError: An element stands for several bodies or joints, which are not the same any more.
         """
         for key, written in self._written.items():
-            if any(values != written[0][1] for _, values in written) or len(written) < self._copies[key]:
+            if not all(_are_same(values, written[0][1]) for _, values in written) or len(written) < self._copies[key]:
                 evidence = f"its element stands for {self._copies[key]}, by a replica or a model attached several times"
-                raise DescriptionError(self._model.document.path, written[0][0], evidence, _STEP)
+                step = f"{_written_apart(self._tree, key[0])}, and identify again"
+                raise DescriptionError(self._model.document.path, written[0][0], evidence, step)
         return self._files
 
     def inertial(self, name: str, body: Inertia | None) -> None:
@@ -233,11 +234,9 @@ class _Writer:
             evidence = f"springdamper of joint '{name}' sets its damping, whatever is identified"
             step = "write stiffness and damping in place of it in your file, and export with --description FILE"
             raise source.element.place.error(evidence, step)
-        if changed.keys() & {"armature", "damping"} and name in tree.motors:
-            for motor in tree.motors[name]:
-                self._files.set(motor, {"armature": "0", "damping": "0"})
-            own = {key: number(new) for key, new in zip(keys[:2], values[:2], strict=True) if new is not None}
-            changed = {**own, **changed}
+        for motor, states in tree.motors.get(name, ()):
+            if gone := [key for key in states if key in changed]:
+                self._files.set(motor, dict.fromkeys(gone, "0"))
         if changed and not self._is_written(f"joint '{name}'", source.element, changed):
             self._files.set(source.element, changed)
 
@@ -256,9 +255,42 @@ class _Writer:
             self._files.set(element, values)
 
 
+def _written_apart(tree: MjcfTree, path: str) -> str:
+    """Return what to do so that each body or joint of a file has an element of its own."""
+    inside = [scope for scope in tree.scopes if path in scope.document.texts]
+    own = min(inside, key=lambda scope: len(scope.document.texts)).document
+    first, *others = {scope.prefix: scope for scope in inside if scope.document is own}.values()
+    if not others:
+        return "write replicas as bodies of their own"
+    other = others[0]
+    while first.outer and other.outer and first.outer.prefix != other.outer.prefix:
+        first, other = first.outer, other.outer
+    outer, file = other.outer, PurePath(str(other.document.path))
+    assert outer is not None
+    prefix = other.prefix.removeprefix(outer.prefix)
+    worlds = outer.document.sections["worldbody"]
+    attaches = (one for world in worlds for one in world.below() if one.tag == "attach")
+    attach = next(one for one in attaches if one.attributes.get("prefix") == prefix)
+    copy, name = f"{file.stem}-2{file.suffix}", f"{attach.attributes['model']}-2"
+    files = "" if len(other.document.texts) == 1 else ", and likewise the files that it includes or attaches"
+    place = f"line {attach.line} of {PurePath(str(attach.path)).name}"
+    return (
+        f"copy {file.name} to {copy} beside it{files}, add <model name='{name}' file='.../{copy}'/> to <asset>, "
+        f"write model='{name}' in the <attach> with prefix='{prefix}' ({place})"
+    )
+
+
 def _key(element: Element) -> tuple[str, int]:
     """Return what an element of the files is known by."""
     return str(element.path), element.number
+
+
+def _are_same(one: Mapping[str, str], other: Mapping[str, str]) -> bool:
+    """Return whether attributes of numbers differ by rounding alone."""
+    if one.keys() != other.keys():
+        return False
+    pairs = (np.array([one[key].split(), other[key].split()], dtype=np.float64) for key in one)
+    return all(bool(np.allclose(*pair, rtol=0.0, atol=1e-12 * np.abs(pair).max())) for pair in pairs)
 
 
 def _first_child(data: bytes, parent: PlacedElement, text: bytes) -> ByteEdit:
