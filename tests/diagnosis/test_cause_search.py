@@ -8,8 +8,10 @@ import scipy.signal
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_columns import CauseRows
-from dynident.diagnosis.causes.cause_search import Cause, CauseSearch
+from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.noise_spectrum import NoiseSpectrum
+from dynident.diagnosis.causes.torque_scales import JointScale
+from dynident.diagnosis.causes.trend_findings import believed
 from dynident.identification.residuals.covariance import FEWEST_FREE
 
 
@@ -138,3 +140,13 @@ def _factors(found: CauseSearch, fit: tuple[int, ...]) -> tuple[Array, Array]:
         factors[i] = max(1.0, float(np.mean(noise * power) / max(np.mean(noise) * np.mean(power), 1e-300)))
         powers[i] = power.sum() / after.variances[i]
     return factors, powers
+
+
+def test_the_size_of_a_scale_is_that_of_its_likeliest_figure() -> None:
+    """The column of a scale is a straight line: it says 46 % where the profile says 1 / 0.95."""
+    cause = Cause("torque scale", "wrist", np.ones((1, 4, 1)))
+    zeros = np.zeros(1)
+    blame = Blame(cause, np.array([0.46]), np.eye(1), 20.0, 1.0, 0.62, 0.46, zeros, zeros)
+    told = believed(blame, [JointScale("wrist", 0.95, 0.92, 0.99, 0.03)])
+    assert told is not None
+    assert told.size == pytest.approx(1 / 0.95 - 1) == told.values[0]

@@ -54,7 +54,8 @@ def believed(blame: Blame, scales: Sequence[JointScale] = ()) -> Blame | None:
     if scale.is_open or scale.is_other or scale.low <= 1 <= scale.high:
         return None
     deviation = scale.spread / (Z95 * scale.factor)
-    return replace(blame, values=np.array([1 / scale.factor - 1]), covariance=np.array([[deviation**2]]))
+    value = 1 / scale.factor - 1
+    return replace(blame, values=np.array([value]), covariance=np.array([[deviation**2]]), size=abs(value))
 
 
 def trend_finding(blame: Blame, fit: QuickFit) -> Finding:

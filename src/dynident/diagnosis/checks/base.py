@@ -74,6 +74,12 @@ class CheckedLog:
         return Trends(fit, self.fit.gravity_observers)
 
     @cached_property
+    def trend_scales(self) -> tuple[JointScale, ...]:
+        """The scales once the delay of the torque is taken out, as what the residual follows."""
+        trends = self.trends
+        return self.scales if trends is None or trends.fit is self.fit else joint_scales(trends.fit)
+
+    @cached_property
     def known(self) -> KnownBodies | None:
         """What the earlier estimate knows of the bodies; None where there is none, or it knows nothing of them."""
         if self.fit is None or self.earlier is None:
