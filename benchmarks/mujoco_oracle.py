@@ -76,6 +76,9 @@ def tied(api: Any, model: Any, moving: list[int], free: list[int]) -> tuple[Arra
         model: The ``mujoco.MjModel``.
         moving: Its hinges and slides.
         free: Those of these that follow none and are not held.
+
+    Raises:
+        ValueError: MuJoCo has no memory for all equalities: the file needs <size memory="64M"/>.
     """
     data, kind = api.MjData(model), model.opt.jacobian
     model.opt.jacobian = api.mjtJacobian.mjJAC_DENSE
@@ -83,6 +86,8 @@ def tied(api: Any, model: Any, moving: list[int], free: list[int]) -> tuple[Arra
     model.opt.jacobian = kind
     linear = (int(api.mjtEq.mjEQ_JOINT), int(api.mjtEq.mjEQ_TENDON))
     rows = [row for row in range(data.ne) if model.eq_type[data.efc_id[row]] in linear]
+    if data.warning[int(api.mjtWarning.mjWARN_CNSTRFULL)].number:
+        raise ValueError('MuJoCo has no memory for all equalities: write <size memory="64M"/>')
     jacobian = np.reshape(data.efc_J, (-1, model.nv))[rows][:, model.jnt_dofadr[moving]]
     start = model.qpos0[model.jnt_qposadr[moving]]
     ratio, still = np.zeros((len(free), len(moving))), start.copy()

@@ -114,9 +114,10 @@ class RandomMjcf:
         world += "".join(self._attach(model) for _ in range(2))
         if path == "main.xml" and "h" in model.models and not model.attached:
             world += '<attach model="h" prefix="whole_"/>'
-        rest = self._ties(model) + self._actuators(model, own)
         option = self._some(0.5, f'<option gravity="{self._numbers(3, -9, 9)}"/>')
-        text = f"{settings}{option}<default>{classes}</default><asset>{assets}</asset>"
+        model.tied.add(min(rank for names in model.joints.values() for rank in names.values()))  # it moves on its own
+        rest = self._ties(model) + self._actuators(model, own)
+        text = f"{settings}{option}<size memory='64M'/><default>{classes}</default><asset>{assets}</asset>"
         self.files[path] = f"<mujoco>{text}<worldbody>{world}</worldbody>{rest}</mujoco>"
         return model
 
