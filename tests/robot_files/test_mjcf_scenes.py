@@ -176,6 +176,8 @@ def test_names_of_tendons_are_checked(tmp_path: Path) -> None:
         copied = copied.replace(one, f'<replicate count="2">{one}</replicate>')
     for text, told in (
         (coupled("a 1, b 1", 'tendon1="tt"'), "tendon1 'tt' is no tendon; correct the name; did you mean 't'"),
+        (coupled("a 1, b 1", 'tendon2="t"'), "no attribute 'tendon1'; write tendon1="),
+        (arm(HAND, tail="<equality><joint/></equality>"), "no attribute 'joint1'; write joint1="),
         (coupled("a 1, bb 1"), "joint 'bb' is no joint; correct the name; did you mean 'b'"),
         (coupled("a 1, a 2"), "the tendon has joint 'a' twice; write the sum of both coef once"),
         (copied, "no <replicate> copies all that it runs over"),
@@ -194,5 +196,5 @@ def test_names_of_tendons_are_checked(tmp_path: Path) -> None:
     ):
         with pytest.raises(DescriptionError, match=told):
             robot(text, tmp_path)
-        with pytest.raises(ValueError, match=r"not found|unknown|repeated|but not `forcelimited`"):
+        with pytest.raises(ValueError, match=r"not found|unknown|repeated|required|missing|but not `forcelimited`"):
             mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))

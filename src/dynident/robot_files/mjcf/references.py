@@ -52,8 +52,9 @@ def parts_with(values: Values, kind: str, keys: Sequence[str], scope: MjcfScope)
     """Return the parts of the model in which an element stands for one, as it names joints or tendons that are copied.
 
     Raises:
-        DescriptionError: It names one that the main model has not, or two that not the same replicas copy.
+        DescriptionError: It names none, one that the main model has not, or two that not the same replicas copy.
     """
+    values.text(keys[0])
     keys = [key for key in keys if key in values]
     copies = [copies_named(values, kind, key, scope) for key in keys]
     if not all(copies):
