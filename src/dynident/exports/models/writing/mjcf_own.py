@@ -263,8 +263,8 @@ def _written_apart(tree: MjcfTree, path: str) -> str:
     if not others:
         return "write replicas as bodies of their own"
     other = others[0]
-    while first.outer and other.outer and first.outer.prefix != other.outer.prefix:
-        first, other = first.outer, other.outer
+    while (one := first.outer) and (two := other.outer) and one.prefix != two.prefix and one.document is two.document:
+        first, other = one, two
     outer, file = other.outer, PurePath(str(other.document.path))
     assert outer is not None
     prefix = other.prefix.removeprefix(outer.prefix)
