@@ -113,6 +113,7 @@ FILES = {
         + '<replicate count="4" offset=".1 .2 0" euler="10 20 30" sep="-"><geom size=".1" pos=".4 0 0"/>'
         + f'<body name="r" pos="1 0 0"><joint name="r"/>{BODY}</body></replicate>'
     ),
+    "no replica": arm(HINGE + BODY + f'<replicate count="0" offset="1 0 0">{BODY}</replicate>'),
     "fixed bodies with sites": arm(
         HINGE + f'{BODY}<body name="f" pos="1 2 3" euler="10 20 30">{BODY}<site name="s"/></body>'
     ),

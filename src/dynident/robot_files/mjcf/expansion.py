@@ -69,8 +69,8 @@ class Expansion:
     def _replicas(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[Placed]:
         values = Values(element.place, element.attributes)
         copies = values.number("count")
-        if not 1 <= copies <= MAX_LINKS or copies != int(copies):
-            raise values.place.error(f"count {copies:g} is no number of replicas", f"write 1 to {MAX_LINKS}")
+        if not 0 <= copies <= MAX_LINKS or copies != int(copies):
+            raise values.place.error(f"count {copies:g} is no number of replicas", f"write 0 to {MAX_LINKS}")
         compiler = scope.document.compiler
         angles = compiler.unit * (values.numbers("euler", 3) if "euler" in values else np.zeros(3))
         offset = values.numbers("offset", 3) if "offset" in values else np.zeros(3)
