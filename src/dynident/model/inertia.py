@@ -168,7 +168,7 @@ class Inertia:
 
     def solid(self) -> Inertia | None:
         """Return a strictly consistent body: this one, or a flat one made thicker; None where there is none."""
-        if self.is_consistent() or self.defect():
+        if self.defect() or self.is_consistent():
             return None if self.defect() else self
         thick = 10.0 * ROUNDED * np.trace(self.about_centre) * np.eye(3)
         found = Inertia(self.mass, self.first_moment, self.rotational + thick)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,15 +53,15 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
     known = stated or Constraints()
     masses = [link.inertia.mass if link.inertia is not None else 0.0 for link in robot.links]
     bodies: dict[str, BodyConstraints] = {}
-    for i, link in enumerate(robot.links):
-        body, points = known.links.get(link.name, BodyConstraints()), link_points(robot, i)
-        ellipsoid = bounding_ellipsoid(points)
+    clouds = [link_points(robot, i) for i in range(len(robot.links))]
+    for link, points, ellipsoid, mass in zip(robot.links, clouds, bounding_ellipsoids(clouds), masses, strict=True):
+        body = known.links.get(link.name, BodyConstraints())
         uniform = float(np.min(ellipsoid.semi_axes)) / np.sqrt(5.0)
         thickness = min(GYRATION_SHARE * extent_of(points) / np.sqrt(2.0), UNIFORM_SHARE * uniform)
         if body.body_ellipsoid is None and body.body_box is None:
             body = replace(body, body_ellipsoid=outgrown(link) or ellipsoid, reach=REACH)
-        if body.mass == ValueRange() and masses[i] > 0:
-            body = replace(body, mass=ValueRange(masses[i] / MASS_FACTOR, masses[i] * MASS_FACTOR))
+        if body.mass == ValueRange() and mass > 0:
+            body = replace(body, mass=ValueRange(mass / MASS_FACTOR, mass * MASS_FACTOR))
         bodies[link.name] = replace(body, thickness=body.thickness or thickness)
     total = known.total_mass
     if total == ValueRange() and all(mass > 0 for mass in masses):
@@ -113,8 +113,9 @@ def consistency_defects(links: Iterable[Link]) -> dict[str, str]:
 
 def outgrown(link: Link) -> Ellipsoid | None:
     """Return the ellipsoid about shapes and nominal body; None where they bound the body, or one cannot be a link."""
-    points, body = shape_points(link), link.inertia and link.inertia.solid()
-    if not len(points) or body is None or is_too_light(body):
+    points = shape_points(link)
+    body = link.inertia.solid() if len(points) and link.inertia is not None else None
+    if body is None or is_too_light(body):
         return None
     second, (semi_axes, axes) = body.pseudo / body.mass, _equal_density(body)
     if _with_room(bounding_ellipsoid(points), second, REACH) is None:
@@ -125,7 +126,8 @@ def outgrown(link: Link) -> Ellipsoid | None:
 
 def extent_of(points: Array) -> float:
     """Return the largest distance between two of points (k, 3), in m."""
-    return float(np.sqrt(np.max(np.sum((points.T[:, :, None] - points.T[:, None]) ** 2, axis=0))))
+    gram = (points - points[0]) @ (points - points[0]).T
+    return float(np.sqrt(np.max(np.diag(gram)[:, None] + np.diag(gram) - 2.0 * gram)))
 
 
 def link_points(robot: Robot, index: int) -> Array:
@@ -146,14 +148,15 @@ def link_points(robot: Robot, index: int) -> Array:
         places += [centre] if children else [centre, 2.0 * centre]
     length = max(float(np.linalg.norm(place)) for place in places)
     radius = max(RADIUS_SHARE * length, LEAST_RADIUS)
-    if mass > 0:
-        ball = 4.0 / 3.0 * np.pi  # of a capsule as long: ball r^3 + pi r^2 length
-        roots = np.roots([ball, np.pi * length, 0.0, -mass / LEAST_DENSITY])
-        radius = max(radius, float(np.max(roots[np.isreal(roots)].real)))
+    volume = max(mass, 0.0) / LEAST_DENSITY / np.pi
+    full = (0.75 * volume) ** (1.0 / 3.0)  # of a ball, then of a capsule as long by Newton, from above
+    while (more := full**2 * (4.0 / 3.0 * full + length) - volume) > 1e-12 * volume:
+        full -= more / (full * (4.0 * full + 2.0 * length))
+    radius = max(radius, full)
     points, body = _balls(np.array(places), radius), link.inertia and link.inertia.solid()
-    if body is None or is_too_light(body):
+    if body is None or (density := mean_density(body)) < LOOK_DENSITY / REACH**3:
         return points
-    (semi_axes, axes), factor = _equal_density(body), min(1.0, (mean_density(body) / LOOK_DENSITY) ** (1.0 / 3.0))
+    (semi_axes, axes), factor = _equal_density(body), min(1.0, (density / LOOK_DENSITY) ** (1.0 / 3.0))
     return np.vstack([points, body.centre_of_mass + _DIRECTIONS * factor * _thick(semi_axes) @ axes.T])
 
 
@@ -210,28 +213,37 @@ def _points_of(shape: Shape) -> Array:
 
 
 def bounding_ellipsoid(points: Array, tolerance: float = 0.05) -> Ellipsoid:
-    """Return an ellipsoid of nearly the least volume that holds points (k, 3), which are not in a plane.
+    """Return an ellipsoid of nearly the least volume that holds points (k, 3); see :func:`bounding_ellipsoids`."""
+    return bounding_ellipsoids([points], tolerance)[0]
+
+
+def bounding_ellipsoids(clouds: Sequence[Array], tolerance: float = 0.05) -> list[Ellipsoid]:
+    """Return ellipsoids of nearly the least volume that hold points (k, 3) each, which are not in a plane.
 
     Khachiyan's algorithm (Todd and Yildirim 2007, algorithm 3.1) until the semi-axes are long by about half the
-    tolerance at most; the result is scaled so that it holds every point.
+    tolerance at most; the results are scaled so that they hold every point. All clouds take their steps together.
     """
-    lifted = np.column_stack([points, np.ones(len(points))])
-    weights = np.full(len(points), 1.0 / len(points))
-    inverse = np.linalg.inv((lifted.T * weights) @ lifted)
-    spread = np.einsum("ki,ij,kj->k", lifted, inverse, lifted)
-    while spread[far := int(spread.argmax())] > 4.0 * (1.0 + tolerance):
-        step = (spread[far] - 4.0) / (4.0 * (spread[far] - 1.0))
-        turned = inverse @ lifted[far]
-        update = step / (1.0 - step + step * spread[far])  # of the inverse by rank one (Sherman and Morrison 1950)
-        inverse = (inverse - update * turned[:, None] * turned) / (1.0 - step)
-        spread = (spread - update * (lifted @ turned) ** 2) / (1.0 - step)
-        weights *= 1.0 - step
-        weights[far] += step
-    centre = weights @ points
-    covariance = (points.T * weights) @ points - np.outer(centre, centre)
-    sizes, axes = np.linalg.eigh(covariance)
-    furthest = float(np.max(np.sum(((points - centre) @ axes) ** 2 / sizes, axis=1)))
-    return Ellipsoid(centre, np.sqrt(sizes * furthest), axes)
+    each, most = np.arange(len(clouds)), max(map(len, clouds))
+    points = np.array([np.pad(cloud, ((0, most - len(cloud)), (0, 0)), mode="edge") for cloud in clouds])
+    weights = np.array([(np.arange(most) < len(cloud)) / len(cloud) for cloud in clouds])
+    lifted = np.concatenate([points, np.ones((len(clouds), most, 1))], axis=2)
+    inverse = np.linalg.inv((lifted * weights[:, :, None]).transpose(0, 2, 1) @ lifted)
+    spread = np.sum((lifted @ inverse) * lifted, axis=2)
+    while np.any((top := spread[each, far := spread.argmax(axis=1)]) > 4.0 * (1.0 + tolerance)):
+        step = np.where(top > 4.0 * (1.0 + tolerance), (top - 4.0) / (4.0 * (top - 1.0)), 0.0)
+        update, left = step / (1.0 - step + step * top), 1.0 - step  # of the inverse by rank one (Sherman and Morrison)
+        turned = inverse @ lifted[each, far, :, None]
+        inverse = (inverse - update[:, None, None] * turned * turned.transpose(0, 2, 1)) / left[:, None, None]
+        spread = (spread - update[:, None] * (lifted @ turned)[:, :, 0] ** 2) / left[:, None]
+        weights *= left[:, None]
+        weights[each, far] += step
+    found = []
+    for cloud, own in zip(clouds, weights, strict=True):
+        centre = own[: len(cloud)] @ cloud
+        sizes, axes = np.linalg.eigh((cloud.T * own[: len(cloud)]) @ cloud - np.outer(centre, centre))
+        furthest = float(np.max(np.sum(((cloud - centre) @ axes) ** 2 / sizes, axis=1)))
+        found.append(Ellipsoid(centre, np.sqrt(sizes * furthest), axes))
+    return found
 
 
 def uniform_body(known: BodyConstraints) -> Inertia:

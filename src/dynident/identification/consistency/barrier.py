@@ -83,9 +83,7 @@ def solve_barrier(program: Program, start: Array | None = None, tolerance: float
                 said = "converged"
                 break
             mu *= _FALL
-    prices = Multipliers(
-        _equation_prices(program, place, mu), mu / place.signs if len(rules.sign) else np.zeros(0), _prices(place, mu)
-    )
+    prices = Multipliers(_equation_prices(program, place, mu), mu / place.signs, _prices(place, mu))
     return ConicCandidate(place.phi, prices, said, steps)
 
 
@@ -116,12 +114,11 @@ def _newton_rows(program: Program, place: _Place, mu: float, fixed: Array, aim: 
     rules = program.conditions
     size = rules.size
     rows, rest = [fixed], [fixed @ place.phi - aim]
-    if len(rules.sign):
-        rows.append(np.sqrt(mu) * rules.sign / place.signs[:, None])
-        rest.append(np.full(len(rules.sign), -np.sqrt(mu)))
-    if program.links:
-        rows.append(np.sqrt(mu) * whitened_rows(place.roots, size, rules.bases))
-        rest.append(np.tile(-np.sqrt(mu) * IDENTITY_VECTOR, program.links))
+    rows += [
+        rules.sign / place.signs[:, None] * np.sqrt(mu),
+        np.sqrt(mu) * whitened_rows(place.roots, size, rules.bases),
+    ]
+    rest += [np.full(len(rules.sign), -np.sqrt(mu)), np.tile(-np.sqrt(mu) * IDENTITY_VECTOR, program.links)]
     if program.weight:
         rows.append(np.sqrt(program.weight) * whitened_rows(place.bodies, size))
         turned = program.whitening @ place.bodies
@@ -156,17 +153,11 @@ def _stepped(program: Program, place: _Place, step: Array, mu: float, decrement:
 
 
 def _barrier(program: Program, place: _Place, mu: float) -> float:
-    value = program.objective(place.phi)
-    if len(place.signs):
-        value -= mu * float(np.sum(np.log(place.signs)))
-    if len(place.roots):
-        value -= 2 * mu * float(np.sum(np.log(np.einsum("lii->li", place.roots))))
-    return value
+    value = program.objective(place.phi) - mu * float(np.sum(np.log(place.signs)))
+    return value - 2 * mu * float(np.sum(np.log(np.einsum("lii->li", place.roots))))
 
 
 def _prices(place: _Place, mu: float) -> Array:
-    if not len(place.roots):
-        return np.zeros((0, 4, 4))
     inverse = np.linalg.inv(place.roots)
     return mu * inverse.transpose(0, 2, 1) @ inverse
 
@@ -176,9 +167,6 @@ def _equation_prices(program: Program, place: _Place, mu: float) -> Array:
     rules = program.conditions
     if not len(rules.zero):
         return np.zeros(0)
-    rest = program.gradient(place.phi)
-    if len(rules.sign):
-        rest = rest - rules.sign.T @ (mu / place.signs)
-    if program.links:
-        rest[: 10 * program.links] -= along_basis(_prices(place, mu), rules.bases)
+    rest = program.gradient(place.phi) - rules.sign.T @ (mu / place.signs)
+    rest[: 10 * program.links] -= along_basis(_prices(place, mu), rules.bases)
     return np.linalg.lstsq(rules.zero.T, rest)[0]

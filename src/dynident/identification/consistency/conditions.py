@@ -11,24 +11,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.identification.problem.prior import Scale
 from dynident.model.body_constraints import AXES, BodyConstraints, BoundingBox, Constraints, box_quadrics, halfspaces
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import PSEUDO_BASIS
 
-ROOT2 = float(np.sqrt(2.0))
-
 #: Clarabel's order of a symmetric 4 x 4 matrix: upper triangle by columns; entries off the diagonal times sqrt(2).
-UPPER = tuple((i, j) for j in range(4) for i in range(j + 1))
+_ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
+_SIZES = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
 
-#: The ten entries of P(phi) in that order, for the ten parameters of a link, shape (10, 10).
-VECTOR_BASIS = np.array([PSEUDO_BASIS[:, i, j] * (1.0 if i == j else ROOT2) for i, j in UPPER])
-
-_IDENTITY = np.array([1.0 if i == j else 0.0 for i, j in UPPER])
+#: The identity of a link's cone as a vector.
+IDENTITY_VECTOR = np.where(_ROWS == _COLUMNS, 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -101,23 +99,41 @@ class Conditions:
         tens = phi[: 10 * len(self.links)].reshape(-1, 10)
         return np.einsum("lk,lkij->lij", tens, self.bases) - self.margin * np.eye(4)
 
+    def part(self, links: IntArray) -> Conditions:
+        """Return the conditions that hold for the numbered links (k,) alone, on their 10 k parameters."""
+        own = (10 * links[:, None] + np.arange(10)).ravel()
+        zero, sign = (~np.any(np.delete(rows, own, axis=1), axis=1) for rows in (self.zero, self.sign))
+        return Conditions(
+            self.zero[zero][:, own],
+            self.zero_offset[zero],
+            tuple(compress(self.zero_words, zero)),
+            self.sign[sign][:, own],
+            self.sign_offset[sign],
+            tuple(compress(self.sign_words, sign)),
+            tuple(self.links[i] for i in links),
+            self.margin,
+            tuple(compress(self.sign_sizes, sign)),
+            tuple(self.thickness[i] for i in links),
+        )
+
+    def broken(self, phi: Array, missed: float) -> BoolArray:
+        """Return for which links phi misses a condition by more than ``missed``, in natural sizes, shape (l,)."""
+        bad = np.vstack([self.zero[np.abs(self.equations(phi)) > missed], self.sign[self.signs(phi) < -missed]])
+        touched = np.any(bad[:, : 10 * len(self.links)].reshape(len(bad), len(self.links), 10), axis=(0, 2))
+        return touched | (np.linalg.eigvalsh(self.pseudo(phi))[:, 0] < -missed)
+
     def shortfall(self, phi: Array) -> float:
         """Return by how much phi breaks its worst condition, in natural sizes; 0 where it breaks none."""
-        worst = [
-            0.0,
-            -float(np.min(self.signs(phi), initial=0.0)),
-            float(np.max(np.abs(self.equations(phi)), initial=0)),
-        ]
-        if self.links:
-            worst.append(-float(np.min(np.linalg.eigvalsh(self.pseudo(phi)))))
-        return max(worst)
+        least = np.concatenate([self.signs(phi), np.linalg.eigvalsh(self.pseudo(phi)).ravel()])
+        return max(-float(np.min(least, initial=0.0)), float(np.max(np.abs(self.equations(phi)), initial=0.0)))
 
 
 @dataclass(frozen=True)
 class _Row:
-    """One linear condition on theta: row @ theta + offset >= 0, or = 0."""
+    """One linear condition: values @ theta[first : first + len(values)] + offset >= 0, or = 0."""
 
-    row: Array
+    first: int
+    values: Array
     offset: float
     words: str
     equation: bool = False
@@ -141,15 +157,13 @@ def conditions_of(
     known = constraints or Constraints()
     known.check(model.robot, model.parameters)
     rows = [*_signs(model), *_stated(model, known)]
-    zero, sign = ([row for row in rows if row.equation is kind] for kind in (True, False))
+    zero, sign = (_scaled([row for row in rows if row.equation is kind], scale) for kind in (True, False))
     return Conditions(
-        *_scaled(zero, scale),
-        tuple(row.words for row in zero),
-        *_scaled(sign, scale),
-        tuple(row.words for row in sign),
+        *zero[:3],
+        *sign[:3],
         tuple(link.name for link in model.robot.links),
         margin,
-        tuple((float(np.max(np.abs(row.row * scale.parameters))), row.unit) for row in sign),
+        sign[3],
         tuple(
             float(known.links[link.name].thickness / length) if link.name in known.links else 0.0
             for link, length in zip(model.robot.links, scale.length, strict=True)
@@ -157,41 +171,35 @@ def conditions_of(
     )
 
 
-def _scaled(rows: list[_Row], scale: Scale) -> tuple[Array, Array]:
-    """Return rows on phi of unit size, shape (k, p), and their offsets, shape (k,)."""
-    scaled = np.array([row.row for row in rows]).reshape(-1, len(scale.parameters)) * scale.parameters
+def _scaled(rows: list[_Row], scale: Scale) -> tuple[Array, Array, tuple[str, ...], tuple[tuple[float, str], ...]]:
+    """Return rows on phi of unit size, shape (k, p), their offsets (k,), their words, and sizes with units."""
+    scaled = np.zeros((len(rows), len(scale.parameters)))
+    for found, row in zip(scaled, rows, strict=True):
+        found[row.first : row.first + len(row.values)] = row.values
+    scaled *= scale.parameters
     sizes = np.max(np.abs(scaled), axis=1)
-    return scaled / sizes[:, None], np.array([row.offset for row in rows]) / sizes
+    words, units = tuple(row.words for row in rows), tuple(zip(sizes.tolist(), (row.unit for row in rows), strict=True))
+    return scaled / sizes[:, None], np.array([row.offset for row in rows]) / sizes, words, units
 
 
 def _signs(model: DynamicModel) -> Iterator[_Row]:
     for k, parameter in enumerate(model.parameters):
         if parameter.nonnegative:
-            yield _Row(_unit(model, k), 0.0, f"{parameter.name} >= 0", unit=parameter.unit)
-
-
-def _unit(model: DynamicModel, k: int) -> Array:
-    row = np.zeros(len(model.parameters))
-    row[k] = 1.0
-    return row
+            yield _Row(k, np.ones(1), 0.0, f"{parameter.name} >= 0", unit=parameter.unit)
 
 
 def _stated(model: DynamicModel, known: Constraints) -> Iterator[_Row]:
-    size = len(model.parameters)
     for i, link in enumerate(model.robot.links):
         if link.name in known.links:
             for ten, offset, words, equation, unit in _link_rows(known.links[link.name]):
-                row = np.zeros(size)
-                row[10 * i : 10 * i + 10] = ten
-                yield _Row(row, offset, f"{link.name}: {words}", equation, unit)
-    total = np.zeros(size)
-    total[9 : model.inertial_count : 10] = 1.0
+                yield _Row(10 * i, ten, offset, f"{link.name}: {words}", equation, unit)
+    total = np.tile(np.eye(10)[9], len(model.robot.links))
     for sign, offset, words, equation in _range_rows(known.total_mass.low, known.total_mass.high, "total mass", "kg"):
-        yield _Row(sign * total, offset, words, equation, "kg")
+        yield _Row(0, sign * total, offset, words, equation, "kg")
     for k, parameter in enumerate(model.parameters):
         if parameter.name in known.fixed:
             value = float(known.fixed[parameter.name])
-            yield _Row(_unit(model, k), -value, f"{parameter.name} = {value:g} {parameter.unit}", True)
+            yield _Row(k, np.ones(1), -value, f"{parameter.name} = {value:g} {parameter.unit}", True)
 
 
 def _range_rows(low: float, high: float, what: str, unit: str) -> Iterator[tuple[float, float, str, bool]]:
@@ -220,9 +228,9 @@ def _link_rows(known: BodyConstraints) -> Iterator[tuple[Array, float, str, bool
             yield normal @ moment - value * mass, 0.0, words, True, ""
     if known.body_ellipsoid is not None:
         yield _trace_row(known.body_ellipsoid.quadric), 0.0, "all matter in the ellipsoid", False, ""
-        for quadric in known.body_ellipsoid.slabs(known.reach) if known.reach else ():
-            words = f"at equal density within {known.reach:g} times the ellipsoid"
-            yield _trace_row(quadric), 0.0, words, False, ""
+        words = f"at equal density within {known.reach:g} times the ellipsoid"
+        for row in _trace_row(known.body_ellipsoid.slabs(known.reach)) if known.reach else ():
+            yield row, 0.0, words, False, ""
     if known.body_box is not None:
         for axis, quadric in zip(AXES, box_quadrics(known.body_box), strict=True):
             yield _trace_row(quadric), 0.0, f"all matter in the box along {axis}", False, ""
@@ -248,22 +256,24 @@ def _box_rows(box: BoundingBox, mass: Array, moment: Array) -> Iterator[tuple[Ar
 
 
 def _trace_row(quadric: Array) -> Array:
-    """Return the ten numbers c with c @ (parameters of the link) = tr(P Q)."""
-    return np.einsum("kij,ij->k", PSEUDO_BASIS, quadric)
+    """Return the ten numbers c with c @ (parameters of the link) = tr(P Q), of Q (..., 4, 4) shape (..., 10)."""
+    return np.einsum("kij,...ij->...k", PSEUDO_BASIS, quadric)
 
 
 def stack_vectors(matrices: Array) -> Array:
-    """Return symmetric matrices (l, 4, 4) as vectors with the same inner product, shape (l, 10)."""
-    return np.stack([matrices[:, i, j] * (1.0 if i == j else ROOT2) for i, j in UPPER], axis=-1)
+    """Return symmetric matrices (..., 4, 4) as vectors with the same inner product, shape (..., 10)."""
+    return matrices[..., _ROWS, _COLUMNS] * _SIZES
+
+
+def vector_rows(bases: Array, size: int) -> Array:
+    """Return the rows of the vectors of sum_k phi_k B_k of links, bases (l, 10, 4, 4), shape (10 l, size)."""
+    found, own = np.zeros((10 * len(bases), size)), np.arange(10 * len(bases)).reshape(-1, 10)
+    found[own[:, :, None], own[:, None]] = stack_vectors(bases).transpose(0, 2, 1)
+    return found
 
 
 def unstack_vectors(vectors: Array) -> Array:
     """Return the inverse of :func:`stack_vectors`: (l, 10) to (l, 4, 4)."""
     matrices = np.zeros((len(vectors), 4, 4))
-    for k, (i, j) in enumerate(UPPER):
-        matrices[:, i, j] = matrices[:, j, i] = vectors[:, k] / (1.0 if i == j else ROOT2)
+    matrices[:, _ROWS, _COLUMNS] = matrices[:, _COLUMNS, _ROWS] = vectors / _SIZES
     return matrices
-
-
-#: The identity of a link's cone as a vector.
-IDENTITY_VECTOR = _IDENTITY

@@ -13,8 +13,8 @@ from dynident.arrays import Array, IntArray
 from dynident.identification.consistency.conditions import (
     IDENTITY_VECTOR,
     Conditions,
-    stack_vectors,
     unstack_vectors,
+    vector_rows,
 )
 from dynident.identification.consistency.program import Multipliers, Program, whitened_rows
 from dynident.model.lapack import lapack_of_scipy, solve_upper
@@ -151,19 +151,20 @@ class _Columns:
     data: Array
     indices: IntArray
     indptr: IntArray
-    shape: tuple[int, int]
+    shape: tuple[int, ...]
     has_canonical_format: bool = True
 
 
 def _columns(matrix: Array) -> _Columns:
-    column, row = np.nonzero(matrix.T)
-    ends = np.searchsorted(column, np.arange(matrix.shape[1] + 1))
-    return _Columns(matrix[row, column], row, ends, (matrix.shape[0], matrix.shape[1]))
+    turned = np.ascontiguousarray(matrix.T)
+    places = np.flatnonzero(turned != 0.0)
+    ends = np.searchsorted(places, len(matrix) * np.arange(len(turned) + 1))
+    return _Columns(turned.ravel()[places], places % max(len(matrix), 1), ends, matrix.shape)
 
 
 def _widened(rows: Array, width: int) -> Array:
     """Return rows with zeros behind them, ``width`` columns in all."""
-    return np.pad(rows, ((0, 0), (0, width - rows.shape[1])))
+    return np.hstack([rows, np.zeros((len(rows), width - rows.shape[1]))])
 
 
 def run_clarabel(quadratic: Array, linear: Array, matrix: Array, offset: Array, cones: list[Any]) -> Any:
@@ -188,10 +189,7 @@ def cone_rows(conditions: Conditions) -> tuple[Array, Array, list[Any]]:
         blocks.append(-conditions.sign)
         cones.append(clarabel.NonnegativeConeT(len(conditions.sign)))
     if links:
-        vectors = np.zeros((links, 10, links, 10))
-        for link, basis in enumerate(conditions.bases):
-            vectors[link, :, link] = stack_vectors(basis).T
-        blocks.append(_widened(-vectors.reshape(10 * links, 10 * links), size))
+        blocks.append(-vector_rows(conditions.bases, size))
         cones += [clarabel.PSDTriangleConeT(4)] * links
     offsets = [conditions.zero_offset, conditions.sign_offset, np.tile(-conditions.margin * IDENTITY_VECTOR, links)]
     return np.vstack(blocks), np.concatenate(offsets), cones
@@ -220,23 +218,19 @@ def _entropy_rows(program: Program, rows: int) -> tuple[Array, Array, list[Any]]
     """Return the cones that bound the log det of each whitened pseudo-inertia, over phi, e and S, T, r, u of each."""
     clarabel = _clarabel()
     size, links = program.data.shape[1], program.links
-    whitened = whitened_rows(np.linalg.inv(program.whitening), size)
-    blocks, cones = [], []
-    for link in range(links):
-        first = size + rows + 14 * link
-        parts = np.zeros((24, size + rows + 14 * links))  # Q, S, T, r and u
-        parts[:10, :size] = whitened[10 * link : 10 * link + 10]
-        parts[10:, first : first + 14] = np.eye(14)
-        steps = parts[:19].copy()
-        steps[[0, 1, 2, 3, 4, 5, 10, 11, 12, 16]] -= parts[10:20]
-        logs = np.zeros((12, parts.shape[1]))  # (u, 1, pivot) in the exponential cone: exp(u) <= pivot
-        logs[::3], logs[2::3] = parts[20:], parts[[9, 15, 18, 19]]
-        blocks += [-steps, -logs]
-        cones += [clarabel.PSDTriangleConeT(4), clarabel.PSDTriangleConeT(3), clarabel.PSDTriangleConeT(2)]
-        cones += [clarabel.ExponentialConeT()] * 4
-    offset = np.zeros(31 * links).reshape(-1, 31)
+    link, own = np.arange(links)[:, None], np.arange(14)
+    parts = np.zeros((links, 24, size + rows + 14 * links))  # Q, S, T, r and u
+    parts[:, :10, :size] = whitened_rows(np.linalg.inv(program.whitening), size).reshape(links, 10, size)
+    parts[link, 10 + own, size + rows + 14 * link + own] = 1.0
+    found = np.zeros((links, 31, parts.shape[2]))
+    found[:, :19] = parts[:, :19]
+    found[:, [0, 1, 2, 3, 4, 5, 10, 11, 12, 16]] -= parts[:, 10:20]
+    found[:, 19::3], found[:, 21::3] = parts[:, 20:], parts[:, [9, 15, 18, 19]]  # exponential cones: exp(u) <= pivot
+    offset = np.zeros((links, 31))
     offset[:, 20::3] = 1.0
-    return np.vstack(blocks), offset.ravel(), cones
+    cones = [clarabel.PSDTriangleConeT(4), clarabel.PSDTriangleConeT(3), clarabel.PSDTriangleConeT(2)]
+    cones += [clarabel.ExponentialConeT()] * 4
+    return -found.reshape(31 * links, -1), offset.ravel(), cones * links
 
 
 @cache

@@ -45,6 +45,9 @@ ACTIVE = 1e-5
 #: often the unit is renewed then.
 FAR, RENEWALS = 10.0, 4
 
+#: Shares of the way to the prior by which an answer that misses its conditions is moved.
+_SHARES = (0.0, *np.geomspace(1e-9, 1e-3, 7))
+
 #: The prior's pseudo-inertias are whitened with eigenvalues of at least this share of their trace.
 _THIN = 1e-6
 
@@ -277,15 +280,12 @@ def _in_own_units(program: Program, place: Array) -> Answer | None:
 
 def checked(program: Program, raw: ConicCandidate) -> tuple[ConicCandidate, Optimality] | None:
     """Return an answer mended by roundings until it meets its conditions, and how good it is; None where it cannot."""
-    if not (np.all(np.isfinite(raw.phi)) and np.all(np.isfinite(raw.multipliers.sign))):
-        return None
-    if not (np.all(np.isfinite(raw.multipliers.cones)) and np.all(np.isfinite(raw.multipliers.zero))):
-        return None
-    phi = _mended(program, raw.phi)
+    prices = raw.multipliers
+    are_finite = (np.all(np.isfinite(part)) for part in (raw.phi, prices.zero, prices.sign, prices.cones))
+    phi = _mended(program, raw.phi) if all(are_finite) else None
     if phi is None:
         return None
-    found = optimality(program, phi, raw.multipliers)
-    return replace(raw, phi=phi, multipliers=raw.multipliers.projected()), found
+    return replace(raw, phi=phi, multipliers=prices.projected()), optimality(program, phi, prices)
 
 
 def _mended(program: Program, phi: Array) -> Array | None:
@@ -294,7 +294,7 @@ def _mended(program: Program, phi: Array) -> Array | None:
     It is moved by a thousandth at most, until every link is possible.
     """
     rules = program.conditions
-    for share in (0.0, *np.geomspace(1e-9, 1e-3, 7)):
+    for share in _SHARES:
         moved = _clipped(rules, (1 - share) * phi + share * program.start)
         if rules.shortfall(moved) <= MISSED and np.min(np.linalg.eigvalsh(program.inertias(moved)), initial=1.0) > 0.0:
             return moved

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.identification.consistency.conditions import VECTOR_BASIS, stack_vectors
+from dynident.identification.consistency.conditions import stack_vectors
 from dynident.identification.consistency.program import Program
-from dynident.model.inertia import Inertia
+from dynident.model.inertia import PSEUDO_BASIS, Inertia
 from dynident.model.lapack import solve_upper
 from dynident.model.reduction import triangle_of
 
@@ -31,7 +31,7 @@ _CRAWL, _WINDOW = 1e-3, 5
 #: Smallest exponent of the diagonal of U: beyond it a link is singular to rounding, and the ten are lost in it.
 _LEAST = -11.0
 
-_TO_TEN = np.linalg.inv(VECTOR_BASIS)
+_TO_TEN = np.linalg.inv(stack_vectors(PSEUDO_BASIS).T)
 _OFF = ((0, 1), (1, 2), (0, 2))
 
 

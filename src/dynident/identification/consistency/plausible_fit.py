@@ -107,7 +107,8 @@ def plausible_fit(
     model, base, reduced, scale = problem.model, problem.base, problem.reduced(weights), scale_of(problem)
     whole = plausible_constraints(model.robot, problem.constraints)
     contradicted = () if settled is None else settled.contradicted
-    (bodies, is_stated, uniform), names = nominal_bodies(model.robot, whole, problem.prior), list(whole.links)
+    names, filling = list(whole.links), np.array([uniform_body(body).vector for body in whole.links.values()])
+    bodies, is_stated, uniform = nominal_bodies(model.robot, filling, problem.prior)
     wider = wider_bounds(model.robot, whole, problem.constraints, problem.prior and bodies)
     bounds = _without(whole, [(one.name, one.bound) for one in contradicted if one.is_relaxed], wider)
     program, rows = pose_program(model, base, reduced, scale, pull, margin, constraints=bounds), max(reduced.rows, 1)
@@ -121,37 +122,38 @@ def plausible_fit(
         except ContradictoryConstraints as clash:
             step = "drop or change one of them; bounds of the robot model give way to stated ones and to --bodies free"
             raise ContradictoryConstraints(clash.evidence, step) from clash
-        setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within, wider)
-        filling = np.array([uniform_body(whole.links[name]).vector for name in names])
+        setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within, wider, rows)
         if settled is None:
-            contradicted, bounds, inner = _contradicted(setting, bounds, inner)
-        rules = conditions_of(model, scale, margin, _with_masses(bounds, model.robot, bodies))
+            factors = setting.factors(inner)
+            contradicted, bounds, inner = _contradicted(setting, bounds, inner, factors)
+            factors = setting.factors(inner) if contradicted else factors
+            limit = cost_limit(factors, base.count, rows + cost_of(program, inner, rows))
+        else:
+            limit = settled.cost_limit
+        rules = conditions_of(model, scale, margin, _with_masses(bounds, bodies))
         near, fitted = fitting_bodies(bodies, filling, rules, scale)
         if np.any(light := fitted & [is_too_light(Inertia.from_vector(body)) for body in bodies]):
             near = fitting_bodies(np.where(light[:, None], _as_heavy(filling, bodies), near), filling, rules, scale)[0]
-        bodies = near
         relaxed = np.isin(names, [one.name for one in contradicted if one.is_relaxed and one.bound == "mass"])
-        bodies = bodies * mass_factors(bodies[:, 9], inner.candidate.phi * scale.parameters, is_stated, relaxed)
-        pulled = replace(program, conditions=inner.program.conditions)
-        pulled = pull_program(pulled, bodies, filling, inner.candidate.phi, scale)
-        least = cost_of(program, inner, rows)
+        bodies = near * mass_factors(near[:, 9], inner.candidate.phi * scale.parameters, is_stated, relaxed)
+        pulled, place = replace(program, conditions=inner.program.conditions), inner.candidate.phi
+        pulled = pull_program(pulled, bodies, filling, place, scale)
         if settled is None:
-            limit = cost_limit(problem, base.from_standard(inner.candidate.phi * scale.parameters), rows + least)
             answer, weight = largest_weight(pulled, inner, rows, limit)
         else:
-            weight, limit = settled.weight, settled.cost_limit
+            weight = settled.weight
             answer = solve_program(replace(pulled, weight=weight / rows)) if weight else inner
         moved = tuple(name for name, is_moved in zip(names, fitted, strict=True) if is_moved)
         wide = tuple(link.name for link in model.robot.links if whole.links[link.name].reach and outgrown(link))
-        rise = cost_of(program, answer, rows) - least
+        rise = cost_of(program, answer, rows) - cost_of(program, inner, rows)
         facts = Plausibility(weight, rise, limit, contradicted, tuple(uniform), moved, wide)
-        return PlausibleFit(judged(answer, scale), answer.program, facts, (pulled, inner.candidate.phi, limit / rows))
+        return PlausibleFit(judged(answer, scale), answer.program, facts, (pulled, place, limit / rows))
 
 
-def cost_limit(problem: Problem, beta: Array, cost: float) -> float:
-    """Return by how much the pull may raise the cost of ``beta`` (b,), in residual variances."""
-    region, factor = chi_square_quantile(LEVEL, len(beta)), float(np.min(correlation_of(problem, beta)))
-    return max(region, min(factor * region, ((1.0 + PRICE) ** 2 - 1.0) * cost))
+def cost_limit(factors: Array, count: int, cost: float) -> float:
+    """Return by how much the pull may raise a cost, in residual variances; correlation factors of joints, b = count."""
+    region = chi_square_quantile(LEVEL, count)
+    return max(region, min(float(np.min(factors)) * region, ((1.0 + PRICE) ** 2 - 1.0) * cost))
 
 
 def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> tuple[Answer, float]:
@@ -218,19 +220,18 @@ def _as_heavy(bodies: Array, others: Array) -> Array:
     return bodies * (others[:, 9:] / bodies[:, 9:])
 
 
-def nominal_bodies(robot: Robot, bounds: Constraints, prior: BodyPrior | None) -> tuple[Array, BoolArray, list[str]]:
+def nominal_bodies(robot: Robot, filling: Array, prior: BodyPrior | None) -> tuple[Array, BoolArray, list[str]]:
     """Return the bodies that the pull goes to (l, 10), whether the mass of each is stated (l,), and uniform links.
 
-    A link without a possible inertia has the uniform body that fills its geometry, with its stated mass or density 1.
+    A link without a possible inertia has the uniform body ``filling`` (l, 10), with its stated mass or density 1.
     """
-    links = robot.links
     if prior is not None:
-        return np.array(prior.theta)[: 10 * len(links)].reshape(-1, 10), np.ones(len(links), bool), []
-    masses = np.array([0.0 if link.inertia is None else link.inertia.mass for link in links])
+        return np.array(prior.theta)[: filling.size].reshape(-1, 10), np.ones(len(filling), bool), []
+    masses = np.array([0.0 if link.inertia is None else link.inertia.mass for link in robot.links])
     uniform, bodies = [], []
-    for link, mass in zip(links, masses, strict=True):
-        own, filling = link.inertia and link.inertia.solid(), uniform_body(bounds.links[link.name]).vector
-        bodies.append(own.vector if own else filling * (mass / filling[9] if mass > 0 else 1.0))
+    for link, mass, full in zip(robot.links, masses, filling, strict=True):
+        own = link.inertia and link.inertia.solid()
+        bodies.append(own.vector if own else full * (mass / full[9] if mass > 0 else 1.0))
         uniform += [] if own else [link.name]
     return np.array(bodies), masses > 0, uniform
 
@@ -240,40 +241,48 @@ def fitting_bodies(bodies: Array, filling: Array, rules: Conditions, scale: Scal
 
     Nearest in the constant pull-back metric at the uniform bodies ``filling`` (l, 10) of the same masses.
     """
-    size, inertial = rules.size, bodies.size
-    start = scale.prior / scale.parameters
-    phi = np.append(bodies.ravel() / scale.parameters[:inertial], np.maximum(start[inertial:], 1e-3))
-    if rules.shortfall(phi) <= MISSED:
-        return bodies, np.zeros(len(bodies), bool)
-    uniform = _as_heavy(filling, bodies).ravel() / scale.parameters[:inertial]
-    roots = np.linalg.cholesky(lifted(np.einsum("lk,kij->lij", uniform.reshape(-1, 10), PSEUDO_BASIS)))
-    pull = np.vstack([whitened_rows(roots, size), np.eye(size)[inertial:]])
-    none, start = np.zeros((0, size)), np.append(uniform, phi[inertial:])
-    found = solve_program(Program(none, np.zeros(0), pull, pull @ phi, 0.0, np.zeros((0, 4, 4)), rules, start))
+    sizes = scale.parameters[: bodies.size].reshape(-1, 10)
+    broken = rules.broken(np.append(bodies / sizes, np.ones(rules.size - bodies.size)), MISSED)
+    if not np.any(broken):
+        return bodies, broken
+    links = np.flatnonzero(broken)
+    own, uniform = (each[links] / sizes[links] for each in (bodies, _as_heavy(filling, bodies)))
+    roots = np.linalg.cholesky(lifted(np.einsum("lk,kij->lij", uniform, PSEUDO_BASIS)))
+    pull, none = whitened_rows(roots, own.size), np.zeros((0, own.size))
+    aim, rules = pull @ own.ravel(), rules.part(links)
+    found = solve_program(Program(none, np.zeros(0), pull, aim, 0.0, np.zeros((0, 4, 4)), rules, uniform.ravel()))
     nearest = found.candidate.phi
-    moved = np.linalg.norm((pull @ (nearest - phi))[:inertial].reshape(-1, 10), axis=1) > _AT_BOUND
-    return np.where(moved[:, None], (nearest * scale.parameters)[:inertial].reshape(-1, 10), bodies), moved
+    moved = np.linalg.norm((pull @ nearest - aim).reshape(-1, 10), axis=1) > _AT_BOUND
+    bodies = bodies.copy()
+    bodies[links[moved]] = (nearest.reshape(-1, 10) * sizes[links])[moved]
+    broken[links] = moved
+    return bodies, broken
 
 
-def _with_masses(bounds: Constraints, robot: Robot, bodies: Array) -> Constraints:
+def _with_masses(bounds: Constraints, bodies: Array) -> Constraints:
     """Return the bounds of the links with the masses of bodies (l, 10) or the nearest in their ranges."""
     links = {}
-    for link, mass in zip(robot.links, bodies[:, 9].tolist(), strict=True):
-        body = bounds.links[link.name]
+    for (name, body), mass in zip(bounds.links.items(), bodies[:, 9].tolist(), strict=True):
         value = min(max(mass, body.mass.low), body.mass.high)
-        links[link.name] = replace(body, mass=ValueRange(value, value))
+        links[name] = replace(body, mass=ValueRange(value, value))
     return Constraints(links)
 
 
 @dataclass(frozen=True)
 class _Setting:
-    """A problem with weights over residual deviations (n,), natural sizes, and the answer of its program in bounds."""
+    """A problem, weights over residual deviations (n,), natural sizes, answers within bounds, the free fit's cost."""
 
     problem: Problem
     weights: Array
     scale: Scale
     within: Callable[[Constraints], Answer]
     wider: Mapping[str, BodyConstraints]
+    free: int
+
+    def factors(self, answer: Answer) -> Array:
+        """Return the correlation factor of each joint's residual, shape (n,)."""
+        beta = self.problem.base.from_standard(answer.candidate.phi * self.scale.parameters)
+        return correlation_of(self.problem, beta)
 
     def costs(self, answer: Answer) -> Array:
         """Return the weighted residual square of each joint in residual variances of the free fit, shape (n,)."""
@@ -287,7 +296,7 @@ class _Setting:
 
 
 def _contradicted(
-    setting: _Setting, bounds: Constraints, inner: Answer
+    setting: _Setting, bounds: Constraints, inner: Answer, factors: Array
 ) -> tuple[tuple[ContradictedBound, ...], Constraints, Answer]:
     """Return the contradicted bounds, the bounds without those to relax, and the answer within them.
 
@@ -296,26 +305,21 @@ def _contradicted(
     nominal body itself does not fit are tested before all others: a nominal mass is always in its range, so no range
     gives way for them.
     """
-    problem, start = setting.problem, bounds
-    stated, doubtful = _stated(problem), [(name, "size") for name in setting.wider]
+    start, stated, doubtful = bounds, _stated(setting.problem), [(name, "size") for name in setting.wider]
     tested = [(name, "mass") for name in _ranges(bounds)] + [(name, "size") for name in bounds.links]
     others = [key for key in tested if key not in doubtful]
-    active = _at_bound(setting, bounds, doubtful + others, inner)
-    if not active:
-        return (), bounds, inner
     level = 1.0 - (1.0 - LEVEL) / len(doubtful + others)
     limits = {"mass": chi_square_quantile(level, 1), "size": chi_square_quantile(level, 10)}
-    least = min(limits[bound] for _, bound in active)
-    falls = setting.falls(bounds, doubtful + others, inner)[0]
-    if np.sum(falls) <= least:  # correlation factors, 1 at least, make it less
-        return (), bounds, inner
-    factors = correlation_of(problem, problem.base.from_standard(inner.candidate.phi * setting.scale.parameters))
     found: dict[tuple[str, str], ContradictedBound] = {}
     for group in (doubtful, others):
         while active := [key for key in _at_bound(setting, bounds, group, inner) if key not in found]:
-            if np.sum(setting.falls(bounds, active, inner)[0] / factors) <= least:
+            least = min(limits[bound] for _, bound in active)
+            if np.sum(setting.costs(inner)) - setting.free <= least:  # nothing is cheaper than the free fit
                 break
-            each = {key: setting.falls(bounds, [key], inner) for key in active}
+            falls = setting.falls(bounds, active, inner)
+            if np.sum(falls[0] / factors) <= least:
+                break
+            each = {key: setting.falls(bounds, [key], inner) if active[1:] else falls for key in active}
             statistics = {key: float(np.sum(each[key][0] / factors)) for key in active}
             key = max(active, key=lambda key: statistics[key] - limits[key[1]])
             name, bound = key

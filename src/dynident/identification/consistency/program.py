@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.identification.consistency.conditions import Conditions, stack_vectors
+from dynident.identification.consistency.conditions import Conditions, vector_rows
 from dynident.model.inertia import PSEUDO_BASIS
 from dynident.model.lapack import solve_upper
 from dynident.model.reduction import triangle_of
@@ -105,8 +105,6 @@ class Multipliers:
 
     def projected(self) -> Multipliers:
         """Return the nearest multipliers that are possible: sign >= 0, cones positive semidefinite."""
-        if not len(self.cones):
-            return Multipliers(self.zero, np.maximum(self.sign, 0.0), self.cones)
         values, vectors = np.linalg.eigh(self.cones)
         cones = np.einsum("lij,lj,lkj->lik", vectors, np.maximum(values, 0.0), vectors)
         return Multipliers(self.zero, np.maximum(self.sign, 0.0), cones)
@@ -172,7 +170,7 @@ def optimality(program: Program, phi: Array, multipliers: Multipliers) -> Optima
 
 def along_basis(matrices: Array, bases: Array = PSEUDO_BASIS) -> Array:
     """Return <M_i, B_k> for symmetric matrices (l, 4, 4) and ten basis matrices, (10, 4, 4) or (l, 10, 4, 4)."""
-    return np.einsum("lij,lkij->lk", matrices, np.broadcast_to(bases, (len(matrices), 10, 4, 4))).ravel()
+    return (bases.reshape(-1, 10, 16) @ matrices.reshape(-1, 16, 1)).ravel()
 
 
 def whitened_rows(roots: Array, size: int, bases: Array = PSEUDO_BASIS) -> Array:
@@ -180,13 +178,5 @@ def whitened_rows(roots: Array, size: int, bases: Array = PSEUDO_BASIS) -> Array
 
     Their square is the Hessian of -log det at P_i = L_i L_i'. The matrices B_k are those of :func:`along_basis`.
     """
-    links = len(roots)
-    found = np.zeros((10 * links, size))
-    if not links:
-        return found
-    inverse = np.linalg.inv(roots)
-    bases = np.broadcast_to(bases, (links, 10, 4, 4))
-    turned = np.einsum("lai,lkij,lbj->lkab", inverse, bases, inverse, optimize=True)
-    for i in range(links):
-        found[10 * i : 10 * i + 10, 10 * i : 10 * i + 10] = stack_vectors(turned[i]).T
-    return found
+    inverse = np.linalg.inv(roots)[:, None]
+    return vector_rows(inverse @ bases @ inverse.transpose(0, 1, 3, 2), size)
