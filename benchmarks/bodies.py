@@ -13,7 +13,10 @@ knows the law of the disturbance (maximum a posteriori over its 16 numbers a lin
 
 Time: the fit within bounds, pulled and proved, over the row ``consistent_fit`` on the same QR factors, processor time.
 
-Run: python -m benchmarks.bodies [real|truth|weights|time]
+Shapes: of random bodies that one ellipsoid, its slabs and the least thickness allow, the share that no body in the
+ellipsoids about each shape can be (a conic program each), and the share that the quadrics of the link refuse.
+
+Run: python -m benchmarks.bodies [real|truth|weights|time|shapes]
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ import sys
 import tempfile
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +36,7 @@ from benchmarks.real_data import CASES, RUNS, data_of, how_of
 from benchmarks.strangers.arms import gen3, iiwa, irb, scara, so100, tx2, ur5e, xarm
 from benchmarks.strangers.plant import urdf
 from dynident import DynamicModel, FourierSeries, Preprocessing, read_case, read_robot
+from dynident.case.shape_quadrics import separating, with_quadrics
 from dynident.data.log import Log
 from dynident.data.preprocessing import preprocess
 from dynident.data.preprocessing.as_given import AsGiven
@@ -45,10 +50,22 @@ from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
 from dynident.identification.problem.prior import PULL
 from dynident.identification.validate import validate_prepared
+from dynident.model.body_constraints import BodyConstraints
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
-from dynident.model.plausible import bounding_ellipsoid, extent_of, link_points
+from dynident.model.plausible import (
+    GYRATION_SHARE,
+    REACH,
+    bounding_ellipsoids,
+    extent_of,
+    link_points,
+    shape_clouds,
+    shape_points,
+    uniform_body,
+)
+from dynident.model.robot import Link
+from dynident.model.shapes import Box, Capsule
 from dynident.studies.benchmark.possible_robots import described_truth, told
 
 PLAUSIBLE = Consistent(bodies="plausible")
@@ -69,7 +86,7 @@ def figures_of(robot, theta):
         nominal = np.nan if link.inertia is None or link.inertia.mass <= 0 else link.inertia.mass
         centre = body.centre_of_mass
         covariance = body.pseudo[:3, :3] / body.mass - np.outer(centre, centre)
-        space = bounding_ellipsoid(link_points(robot, i))
+        space = bounding_ellipsoids([link_points(robot, i)])[0]
         half = np.linalg.norm(_DIRECTIONS @ (space.rotation * space.semi_axes), axis=1)
         reach = np.sqrt(5.0 * np.maximum(np.einsum("ki,ij,kj->k", _DIRECTIONS, covariance, _DIRECTIONS), 0.0))
         ratio = np.max((np.abs(_DIRECTIONS @ (centre - space.centre)) + reach) / half)
@@ -261,7 +278,7 @@ def frame_of(model, i):
     points = link_points(model.robot, i)
     frame = np.eye(4)
     frame[:3, :3] *= extent_of(points) / 2
-    frame[:3, 3] = bounding_ellipsoid(points).centre
+    frame[:3, 3] = bounding_ellipsoids([points])[0].centre
     return frame
 
 
@@ -308,6 +325,52 @@ def ratios_of_time(repeats=5):
         print(f"| {name} | {free:.1f} | {plausible:.1f} | {plausible / free:.1f} |", flush=True)
 
 
+def shapes(count=400):
+    """Print what quadrics about shapes refuse, and how long they take."""
+    beam, ends = (
+        Box([0.4, 0.08, 0.08], translation=[0.2, 0, 0]),
+        [Box([0.08, 0.08, 0.4], translation=[x, 0, 0.2]) for x in (0.4, 0)],
+    )
+    corners = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.0, 0.3], [0.3, 0.2, 0.3]])
+    bent = tuple(Capsule(*pair, 0.05) for pair in pairwise(corners))
+    links = {"L of two boxes": (beam, ends[0]), "U of three boxes": (beam, *ends), "three capsules": bent}
+    heads = ("link", "ellipsoids / one", "outside", "refused", "refused / outside", "quadrics", "ms")
+    print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
+    for name, parts in links.items():
+        link = Link(name, shapes=parts)
+        whole, *each = bounding_ellipsoids([shape_points(link), *shape_clouds(link)])
+        start = time.process_time()
+        found = with_quadrics(link).quadrics
+        spent = 1000 * (time.process_time() - start)
+        inside = np.sum([uniform_body(BodyConstraints(body_ellipsoid=part)).pseudo for part in each], axis=0)
+        forms = np.array([part.quadric for part in each])
+        bodies = allowed_bodies(whole, extent_of(shape_points(link)), count)
+        outside = np.array([np.sum(separating(forms, body, inside) * body) < 0.0 for body in bodies])
+        refused = np.array([min(np.sum(form * body) for form in found) < 0.0 for body in bodies])
+        size = sum(np.prod(part.semi_axes) for part in each) / np.prod(whole.semi_axes)
+        shares = f"{outside.mean():.2f} | {refused.mean():.2f} | {refused[outside].mean():.2f}"
+        print(f"| {name} | {size:.2f} | {shares} | {len(found)} | {spent:.0f} |", flush=True)
+
+
+def allowed_bodies(space, extent, count):
+    """Yield pseudo-inertias of 1 kg that an ellipsoid, its slabs and the least thickness of an extent allow."""
+    generator, rows = np.random.default_rng(0), np.array([space.quadric, *space.slabs(REACH)])
+    place = np.eye(4)
+    place[:3, :3], place[:3, 3] = np.asarray(space.rotation) * space.semi_axes, space.centre
+    found = []
+    while len(found) < count:
+        points = generator.normal(size=(generator.integers(1, 4), 3))
+        points *= generator.uniform(size=(len(points), 1)) ** (1 / 3) / np.linalg.norm(points, axis=1)[:, None]
+        lifted = np.column_stack([points, np.ones(len(points))])
+        body = (lifted.T * generator.dirichlet(np.ones(len(points)))) @ lifted
+        body[:3, :3] += generator.uniform(0.0, 0.1) * np.eye(3)
+        body = place @ body @ place.T
+        spread = np.linalg.eigvalsh(body[:3, :3] - np.outer(body[:3, 3], body[:3, 3]))[0]
+        if np.min(np.sum(rows * body, axis=(1, 2))) >= 0.0 and spread >= (GYRATION_SHARE * extent) ** 2 / 2.0:
+            found.append(body)
+    return found
+
+
 def main() -> None:
     wanted = sys.argv[1:] or ["real", "truth"]
     if "real" in wanted:
@@ -319,6 +382,8 @@ def main() -> None:
         weights()
     if "time" in wanted:
         ratios_of_time()
+    if "shapes" in wanted:
+        shapes()
 
 
 if __name__ == "__main__":

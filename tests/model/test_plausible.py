@@ -14,7 +14,7 @@ from dynident.model.inertia import Inertia
 from dynident.model.plausible import (
     LEAST_DENSITY,
     REACH,
-    bounding_ellipsoid,
+    bounding_ellipsoids,
     link_points,
     outgrown,
     plausible_constraints,
@@ -27,7 +27,7 @@ from dynident.model.shapes import Box, Mesh, Sphere
 
 
 def test_the_least_ellipsoid_about_a_box() -> None:
-    found = bounding_ellipsoid(Box(np.array([0.2, 0.4, 0.6]), translation=np.array([1.0, 2.0, 3.0])).corners)
+    (found,) = bounding_ellipsoids([Box(np.array([0.2, 0.4, 0.6]), translation=np.array([1.0, 2.0, 3.0])).corners])
     np.testing.assert_allclose(found.centre, [1, 2, 3], atol=1e-9)
     np.testing.assert_allclose(np.sort(found.semi_axes), np.sqrt(3) * np.array([0.1, 0.2, 0.3]), rtol=1e-9)
 

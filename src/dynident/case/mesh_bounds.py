@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.case.shape_quadrics import with_quadrics
 from dynident.errors import FileError, MissingDependency
 from dynident.model.plausible import extent_of, link_points
 from dynident.model.robot import Robot
@@ -41,7 +42,7 @@ class MeshFault:
 
 
 def with_mesh_points(robot: Robot, robot_path: str, folders: Sequence[str] = ()) -> tuple[Robot, tuple[MeshFault, ...]]:
-    """Return the robot with the outermost points of its meshes, and the meshes without.
+    """Return the robot with the outermost points of its meshes and quadrics about its shapes, and the meshes without.
 
     A link with a faulty mesh keeps the size that its frames give. Meshes that only show a link are read where it has no
     mesh that touches, which is the simpler one of the same link.
@@ -60,7 +61,7 @@ def with_mesh_points(robot: Robot, robot_path: str, folders: Sequence[str] = ())
             )
             is_shown = any(isinstance(shape, Mesh) for shape in shapes)
             visuals = link.visuals if is_shown else tuple(_visual(robot, i, one, places) for one in link.visuals)
-            links.append(replace(link, shapes=shapes, visuals=visuals))
+            links.append(with_quadrics(replace(link, shapes=shapes, visuals=visuals)))
         except (FileError, MissingDependency) as error:
             evidence, _, remedy = str(error).rpartition("; ")
             faults.append(MeshFault(link.name, evidence, remedy))

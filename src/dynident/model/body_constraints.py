@@ -121,6 +121,7 @@ class BodyConstraints:
         symmetry: Planes of symmetry: position in m of the plane along each axis that it is normal to.
         thickness: Least root mean square distance of the matter from any plane through the centre of mass, in m.
         reach: How far a body of equal density with these moments may reach, in half widths of the ellipsoid; 0: any.
+        quadrics: Q with (x, 1)' Q (x, 1) >= 0 wherever matter can be, shape (4, 4) each.
     """
 
     mass: ValueRange = field(default_factory=ValueRange)
@@ -131,6 +132,7 @@ class BodyConstraints:
     symmetry: Mapping[str, float] = field(default_factory=dict)
     thickness: float = 0.0
     reach: float = 0.0
+    quadrics: tuple[Array, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.mass.high > 0:

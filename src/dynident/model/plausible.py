@@ -26,11 +26,11 @@ LOOK_DENSITY = 500.0 / np.sqrt(5.0)
 #: Least radius of gyration about any axis through the centre of mass, as a share of the extent of the link.
 GYRATION_SHARE = 0.05
 
-#: The minimum thickness is at most this share of that of the uniform body that fills the ellipsoid.
-UNIFORM_SHARE = 0.8
+#: The minimum thickness over that of the uniform body in the ellipsoid, at most; boxes have 0.745, cylinders 0.645.
+UNIFORM_SHARE, SHAPE_SHARE = 0.8, 0.64
 
-#: How far a body of equal density may reach, in half widths of the ellipsoid of its link.
-REACH = 1.5
+#: How far a body of equal density may reach, in half widths of the ellipsoid of its link; of shapes with quadrics.
+REACH, ENDS_REACH = 1.5, 2.0
 
 #: Bounds of a mass and of the total mass as factors about the nominal value.
 MASS_FACTOR, TOTAL_FACTOR = 3.0, 1.5
@@ -57,9 +57,12 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
     for link, points, ellipsoid, mass in zip(robot.links, clouds, bounding_ellipsoids(clouds), masses, strict=True):
         body = known.links.get(link.name, BodyConstraints())
         uniform = float(np.min(ellipsoid.semi_axes)) / np.sqrt(5.0)
-        thickness = min(GYRATION_SHARE * extent_of(points) / np.sqrt(2.0), UNIFORM_SHARE * uniform)
+        share = SHAPE_SHARE if link.shapes or link.visuals else UNIFORM_SHARE
+        thickness = min(GYRATION_SHARE * extent_of(points) / np.sqrt(2.0), share * uniform)
         if body.body_ellipsoid is None and body.body_box is None:
-            body = replace(body, body_ellipsoid=outgrown(link) or ellipsoid, reach=REACH)
+            wide = outgrown(link)
+            quadrics, reach = (link.quadrics, ENDS_REACH) if link.quadrics and not wide else ((), REACH)
+            body = replace(body, body_ellipsoid=wide or ellipsoid, reach=reach, quadrics=quadrics)
         if body.mass == ValueRange() and mass > 0:
             body = replace(body, mass=ValueRange(mass / MASS_FACTOR, mass * MASS_FACTOR))
         bodies[link.name] = replace(body, thickness=body.thickness or thickness)
@@ -118,9 +121,10 @@ def outgrown(link: Link) -> Ellipsoid | None:
     if body is None or is_too_light(body):
         return None
     second, (semi_axes, axes) = body.pseudo / body.mass, _equal_density(body)
-    if _with_room(bounding_ellipsoid(points), second, REACH) is None:
+    both = np.vstack([points, body.centre_of_mass + _DIRECTIONS * semi_axes @ axes.T])
+    own, size = bounding_ellipsoids([points, both])
+    if _with_room(own, second, REACH) is None:
         return None
-    size = bounding_ellipsoid(np.vstack([points, body.centre_of_mass + _DIRECTIONS * semi_axes @ axes.T]))
     return _with_room(size, second, REACH) or size
 
 
@@ -161,13 +165,18 @@ def link_points(robot: Robot, index: int) -> Array:
 
 
 def shape_points(link: Link) -> Array:
-    """Return points whose hull is about all shapes of a link, shape (k, 3), in m; none with an unread mesh.
+    """Return points whose hull is about all shapes of a link, shape (k, 3), in m; none with an unread mesh."""
+    return np.concatenate([np.zeros((0, 3)), *shape_clouds(link)])
+
+
+def shape_clouds(link: Link) -> list[Array]:
+    """Return points about each shape of a link, shape (k, 3) each; none with an unread mesh.
 
     Unread meshes that only show the link are left out where it has other shapes.
     """
     parts, shown = (list(map(_points_of, shapes)) for shapes in (link.shapes, link.visuals))
     needed = parts or shown
-    return np.concatenate([*parts, *shown]) if needed and all(map(len, needed)) else np.zeros((0, 3))
+    return list(filter(len, [*parts, *shown])) if needed and all(map(len, needed)) else []
 
 
 def is_too_light(body: Inertia) -> bool:
@@ -210,11 +219,6 @@ def _points_of(shape: Shape) -> Array:
             shape.translation
         )
     return np.zeros((0, 3)) if shape.points is None else shape.points @ shape.rotation.T + shape.translation
-
-
-def bounding_ellipsoid(points: Array, tolerance: float = 0.05) -> Ellipsoid:
-    """Return an ellipsoid of nearly the least volume that holds points (k, 3); see :func:`bounding_ellipsoids`."""
-    return bounding_ellipsoids([points], tolerance)[0]
 
 
 def bounding_ellipsoids(clouds: Sequence[Array], tolerance: float = 0.05) -> list[Ellipsoid]:

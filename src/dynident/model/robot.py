@@ -155,6 +155,7 @@ class Link:
         shapes: What can touch, with its fixed links, in its frame; empty where the robot model states none.
         visuals: What only shows it and touches nothing: it bounds the link's body as its shapes do.
         impossible: Which of several links of the file that are one here state an inertia that no body has, and why.
+        quadrics: Q with (x, 1)' Q (x, 1) >= 0 in all its shapes, shape (4, 4) each; where one ellipsoid is too coarse.
     """
 
     name: str
@@ -163,6 +164,7 @@ class Link:
     shapes: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()
     impossible: str = ""
+    quadrics: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -66,10 +66,8 @@ def deepest(conditions: Conditions) -> Depth:
     combined[: 10 * len(conditions.links)] += along_basis(prices.cones, conditions.bases)
     bound = float(prices.sign @ conditions.sign_offset + prices.zero @ conditions.zero_offset)
     bound -= conditions.margin * float(np.einsum("lii->", prices.cones))
-    slack = [float(np.min(conditions.signs(phi), initial=np.inf))]
-    if len(conditions.links):
-        slack.append(float(np.min(np.linalg.eigvalsh(conditions.pseudo(phi)))))
-    return Depth(phi, min(slack), bound, float(np.max(np.abs(combined), initial=0.0)), prices)
+    slack = np.append(conditions.signs(phi), np.linalg.eigvalsh(conditions.pseudo(phi)))
+    return Depth(phi, float(np.min(slack, initial=np.inf)), bound, float(np.max(np.abs(combined), initial=0.0)), prices)
 
 
 def check_room(conditions: Conditions) -> Depth | None:
@@ -82,15 +80,14 @@ def check_room(conditions: Conditions) -> Depth | None:
         ContradictoryConstraints: A checked certificate shows which conditions clash.
     """
     clash = _clashing_equations(conditions)
-    if clash:
-        raise ContradictoryConstraints("; ".join(clash), "they cannot hold together: drop or change one of them")
-    found = deepest(conditions)
-    if found.depth > ROOM:
-        return found
-    if found.left_over > _LEFT_OVER or found.bound > ROOM + _LEFT_OVER:
-        return None
-    words = _words(conditions, found)
-    raise ContradictoryConstraints("; ".join(words), "they cannot hold together: drop or change one of them")
+    if not clash:
+        found = deepest(conditions)
+        if found.depth > ROOM:
+            return found
+        if found.left_over > _LEFT_OVER or found.bound > ROOM + _LEFT_OVER:
+            return None
+        clash = _words(conditions, found)
+    raise ContradictoryConstraints("; ".join(clash), "they cannot hold together: drop or change one of them")
 
 
 def _clashing_equations(conditions: Conditions) -> list[str]:

@@ -124,7 +124,7 @@ class Conditions:
 
     def shortfall(self, phi: Array) -> float:
         """Return by how much phi breaks its worst condition, in natural sizes; 0 where it breaks none."""
-        least = np.concatenate([self.signs(phi), np.linalg.eigvalsh(self.pseudo(phi)).ravel()])
+        least = np.append(self.signs(phi), np.linalg.eigvalsh(self.pseudo(phi)))
         return max(-float(np.min(least, initial=0.0)), float(np.max(np.abs(self.equations(phi)), initial=0.0)))
 
 
@@ -231,6 +231,8 @@ def _link_rows(known: BodyConstraints) -> Iterator[tuple[Array, float, str, bool
         words = f"at equal density within {known.reach:g} times the ellipsoid"
         for row in _trace_row(known.body_ellipsoid.slabs(known.reach)) if known.reach else ():
             yield row, 0.0, words, False, ""
+    for quadric in known.quadrics:
+        yield _trace_row(quadric), 0.0, "all matter in its shapes", False, ""
     if known.body_box is not None:
         for axis, quadric in zip(AXES, box_quadrics(known.body_box), strict=True):
             yield _trace_row(quadric), 0.0, f"all matter in the box along {axis}", False, ""

@@ -45,9 +45,6 @@ ACTIVE = 1e-5
 #: often the unit is renewed then.
 FAR, RENEWALS = 10.0, 4
 
-#: Shares of the way to the prior by which an answer that misses its conditions is moved.
-_SHARES = (0.0, *np.geomspace(1e-9, 1e-3, 7))
-
 #: The prior's pseudo-inertias are whitened with eigenvalues of at least this share of their trace.
 _THIN = 1e-6
 
@@ -294,7 +291,7 @@ def _mended(program: Program, phi: Array) -> Array | None:
     It is moved by a thousandth at most, until every link is possible.
     """
     rules = program.conditions
-    for share in _SHARES:
+    for share in (0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3):
         moved = _clipped(rules, (1 - share) * phi + share * program.start)
         if rules.shortfall(moved) <= MISSED and np.min(np.linalg.eigvalsh(program.inertias(moved)), initial=1.0) > 0.0:
             return moved
@@ -318,8 +315,7 @@ def active_conditions(rules: Conditions, found: ConicCandidate) -> tuple[Mapping
     for words, slack, price in zip(rules.sign_words, rules.signs(found.phi), found.multipliers.sign, strict=True):
         if slack < ACTIVE:
             active.append({"condition": words, "slack": max(float(slack), 0.0), "multiplier": float(price)})
-    pseudo = rules.pseudo(found.phi) if rules.links else np.zeros((0, 4, 4))
-    for words, body, price in zip(rules.cone_words, pseudo, found.multipliers.cones, strict=True):
+    for words, body, price in zip(rules.cone_words, rules.pseudo(found.phi), found.multipliers.cones, strict=True):
         smallest = float(np.linalg.eigvalsh(body)[0])
         if smallest < ACTIVE * max(float(np.trace(body)), 1e-3):
             active.append({"condition": words, "slack": max(smallest, 0.0), "multiplier": float(np.trace(price))})
@@ -364,8 +360,7 @@ def data_shares(program: Program, phi: Array) -> Array:
     prior = program.curvature(phi)[len(program.data) :]
     free = np.abs(prior).sum(axis=0) == 0.0  # nothing but data
     both = triangle_of(np.vstack([program.data, prior]))
-    rules = program.conditions
-    inverse = rules.free
+    inverse = program.conditions.free
     after = _spread(both, inverse)
     before = _spread(triangle_of(np.vstack([prior, np.eye(size)[free]])), inverse)
     shares = 1.0 - np.divide(after, before, out=np.ones(size), where=before > 1e-20)

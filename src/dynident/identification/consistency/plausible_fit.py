@@ -143,7 +143,7 @@ def plausible_fit(
         else:
             weight = settled.weight
             answer = solve_program(replace(pulled, weight=weight / rows)) if weight else inner
-        moved = tuple(name for name, is_moved in zip(names, fitted, strict=True) if is_moved)
+        moved = tuple(name for name, is_moved in zip(names, fitted, strict=True) if is_moved and name not in uniform)
         wide = tuple(link.name for link in model.robot.links if whole.links[link.name].reach and outgrown(link))
         rise = cost_of(program, answer, rows) - cost_of(program, inner, rows)
         facts = Plausibility(weight, rise, limit, contradicted, tuple(uniform), moved, wide)
@@ -365,9 +365,9 @@ def _without(bounds: Constraints, keys: Iterable[tuple[str, str]], wider: Mappin
             links[name] = replace(links[name], mass=ValueRange())
         elif name in wider:
             size, thickness = wider[name].body_ellipsoid, wider[name].thickness
-            links[name] = replace(links[name], body_ellipsoid=size, thickness=thickness)
+            links[name] = replace(links[name], body_ellipsoid=size, thickness=thickness, quadrics=())
         else:
-            links[name] = replace(links[name], body_ellipsoid=None, body_box=None, reach=0.0)
+            links[name] = replace(links[name], body_ellipsoid=None, body_box=None, reach=0.0, quadrics=())
     return replace(bounds, links=links, total_mass=total)
 
 
@@ -396,5 +396,5 @@ def _room(known: BodyConstraints, body: Array) -> float:
     """Return the least of tr(P Q) over the conditions of a link's size; infinite where it has none."""
     space, box = known.body_ellipsoid, known.body_box
     quadrics = [space.quadric[None], *([space.slabs(known.reach)] if known.reach else [])] if space else []
-    quadrics += [box_quadrics(box)] if box else []
+    quadrics += [*([box_quadrics(box)] if box else []), *(quadric[None] for quadric in known.quadrics)]
     return min((float(np.min(np.einsum("kij,lij,k->l", PSEUDO_BASIS, one, body))) for one in quadrics), default=np.inf)
