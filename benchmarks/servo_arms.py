@@ -20,6 +20,7 @@ from dynident.actuators.parameters import PLACE, neutral
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.model.kernels.generic import WORK, bias_torque, pack, placed_mass
+from dynident.model.kernels.jit import compiled
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
@@ -116,9 +117,10 @@ def _compare(robot: Robot, model: pin.Model, poses: Array) -> None:
     data, tables, theta = model.createData(), pack(robot.chain), np.asarray(robot.nominal)
     n = robot.dof
     bias, mass, work = np.zeros(n), np.zeros((n, n)), np.empty((len(tables[0]) + 1, WORK))
+    bias_of, mass_of = compiled(bias_torque.py_func), compiled(placed_mass.py_func)  # pyright: ignore
     for q, v in zip(poses[:20], 3.0 * poses[20:40], strict=True):
-        bias_torque(*tables, theta, q, v, bias, work)
-        placed_mass(tables[0], tables[1], theta, mass, work)
+        bias_of(*tables, theta, q, v, bias, work)
+        mass_of(tables[0], tables[1], theta, mass, work)
         other = np.triu(pin.crba(model, data, q))
         np.testing.assert_allclose(bias, pin.nonLinearEffects(model, data, q, v), atol=1e-12)
         np.testing.assert_allclose(np.triu(mass), other, atol=1e-12)

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynident.actuators.parameters import COUNT, PLACE
 from dynident.arrays import Array, IntArray
-from dynident.model.kernels.jit import compiled
+from dynident.model.kernels.jit import compiled, inlined
 
 _GAIN, _TORQUE, _EMF, _VISCOUS = (PLACE[name] for name in ("gain_ratio", "full_torque", "back_emf", "viscous"))
 _COULOMB, _COULOMB_S = PLACE["coulomb"], PLACE["coulomb_stribeck"]
@@ -41,7 +41,7 @@ _ENTRIES = 38
 _ROWS = 11
 
 
-@compiled
+@inlined
 def _jump(samples: Array, begin: float, h: float, place: int, both: Array, now: Array, at: IntArray) -> None:
     """Write the goal a step later where it is the command itself, and what it is within the step.
 
@@ -69,7 +69,7 @@ def _jump(samples: Array, begin: float, h: float, place: int, both: Array, now: 
     now[_GOAL] = samples[row - 1, 1]
 
 
-@compiled
+@inlined
 def _follow(p: Array, samples: Array, begin: float, h: float, place: int, both: Array, now: Array, at: IntArray) -> int:
     """Return the row of the command at a moment; write the goal inside the drive a step later, and its mean.
 
@@ -119,7 +119,7 @@ def _follow(p: Array, samples: Array, begin: float, h: float, place: int, both: 
     return place
 
 
-@compiled
+@inlined
 def _budget(p: Array, v: float, motor: float, external: float, now: Array) -> None:
     """Write the friction budget and what its derivatives need: see the entries of ``now`` below."""
     if now[_HAS_FADE] < 0.5:
@@ -147,7 +147,7 @@ def _budget(p: Array, v: float, motor: float, external: float, now: Array) -> No
     now[_FADE_V] = 0.0 if speed == 0.0 else -fade * p[_ALPHA] * ratio / speed * math.copysign(1.0, v)
 
 
-@compiled
+@inlined
 def _budget_slopes(p: Array, v: float, motor: float, external: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Write the derivatives of the friction budget, ``slopes[4]``, from those of the torques and the speed."""
     sv, dm, de, df = slopes[9], slopes[2], slopes[3], slopes[4]
@@ -174,7 +174,7 @@ def _budget_slopes(p: Array, v: float, motor: float, external: float, now: Array
         df[at[_ALPHA]] -= now[_REST] * fade * now[_RATIO] * now[_LOG]
 
 
-@compiled
+@inlined
 def _drive_slopes(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Write the derivatives of the force of the drive (``slopes[5]``) and of motor and external torque."""
     sq, sv, dm, de, force, mean = slopes[0], slopes[9], slopes[2], slopes[3], slopes[5], slopes[7]
@@ -198,19 +198,19 @@ def _drive_slopes(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -
     de[at[_OFFSET]] += stiffness
 
 
-@compiled
+@inlined
 def _carry(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Carry the derivatives of the velocity over one step."""
     sv, de, df, force, before = slopes[1], slopes[3], slopes[4], slopes[5], slopes[8]
     if now[_STUCK] > 0.5:
-        sv[:] = 0.0
+        for k in range(len(sv)):
+            sv[k] = 0.0
         return
     h, sign, inertia, unturned = now[_SPAN], now[_SIGN], now[_INERTIA], now[_UNTURNED]
     share, pushed = h / inertia * now[_SHARE], now[_FORCE] - sign * now[_BUDGET]
     turns = unturned * v < 0.0
-    if turns:
-        before[:] = sv
     for k in range(len(sv)):
+        before[k] = sv[k]
         sv[k] = now[_DECAY] * sv[k] + share * (force[k] + de[k] - sign * df[k])
     by_x = h / inertia * now[_SHARE_X] * pushed - now[_DECAY] * v
     by_damping = by_x * h / inertia
@@ -230,14 +230,14 @@ def _carry(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     sv[at[_ARMATURE]] -= twice * rest * now[_BUDGET] / inertia
 
 
-@compiled
+@inlined
 def _drift(h: float, slopes: Array) -> None:
     """Carry the derivatives of the position over half a step."""
     for k in range(slopes.shape[1]):
         slopes[0, k] += 0.5 * h * slopes[1, k]
 
 
-@compiled
+@inlined
 def _middle(h: float, v: float, now: Array, slopes: Array) -> float:
     """Return the velocity in the middle of a step, on the line through those at its begin and a step before.
 
@@ -254,7 +254,7 @@ def _middle(h: float, v: float, now: Array, slopes: Array) -> float:
     return moves * middle
 
 
-@compiled
+@inlined
 def _drive(p: Array, h: float, q: float, v: float, middle: float, external: float, law: Array, now: Array) -> bool:
     """Write what the drive does in a step; return whether the joint rests until the command jumps within it.
 
@@ -290,7 +290,7 @@ def _drive(p: Array, h: float, q: float, v: float, middle: float, external: floa
     return rests
 
 
-@compiled
+@inlined
 def _push(
     p: Array, step: float, q: float, v: float, middle: float, load: Array, law: Array, now: Array
 ) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.model.kernels.generic import WORK, bias_torque, placed_mass, solve
-from dynident.model.kernels.jit import compiled
+from dynident.model.kernels.jit import compiled, inlined
 from dynident.simulation.friction_machine import DQ, RISE, TEMPERATURE, Friction, Q, begin, lose, place, remember
 
 #: links, reals, gravity and theta as in generic.py; inertia of the rotors at the joints (n, n); known torque beside the
@@ -40,7 +40,7 @@ Control: TypeAlias = tuple[Any, Array, Array, Array, Array]
 Scratch: TypeAlias = tuple[Array, Array, Array, Array, Array]
 
 
-@compiled
+@inlined
 def bend(drives: Drives, j: int, dq: float, level: float, slack: float) -> tuple[float, float]:
     """Return the torque of the bristles of drive j and their speed.
 
@@ -61,7 +61,7 @@ def bend(drives: Drives, j: int, dq: float, level: float, slack: float) -> tuple
     return bristles[0, j] * slack + bristles[1, j] * slip, slip
 
 
-@compiled
+@inlined
 def drag(drives: Drives, state: Array, rise: Array, drawn: Array, rate: Array, lost: Array, level: Array) -> None:
     """Write the friction of the drives (n,), whose motion stands in the memory, and the speed of their bristles.
 
@@ -92,7 +92,7 @@ def drag(drives: Drives, state: Array, rise: Array, drawn: Array, rate: Array, l
                 lost[j] += waves[k, 2] * math.sin(waves[k, 1] * q) + waves[k, 3] * math.cos(waves[k, 1] * q)
 
 
-@compiled
+@inlined
 def load_joints(
     bodies: Bodies, drives: Drives, state: Array, torque: Array, rise: Array, rate: Array, vectors: Array
 ) -> None:
@@ -125,7 +125,7 @@ def load_joints(
         rate[0, i], rate[1, i] = state[1, i], given
 
 
-@compiled
+@inlined
 def slope(
     bodies: Bodies, drives: Drives, state: Array, torque: Array, rise: Array, rate: Array, scratch: Scratch
 ) -> bool:
@@ -143,7 +143,7 @@ def slope(
     return solve(mass, rate[1], scale)
 
 
-@compiled
+@inlined
 def advance(
     bodies: Bodies,
     drives: Drives,
@@ -179,7 +179,7 @@ def advance(
     return finite
 
 
-@compiled
+@inlined
 def look(
     bodies: Bodies, drives: Drives, state: Array, noise: Array, sensors: Array, seen: Array, carried: Array
 ) -> None:
@@ -204,7 +204,7 @@ def look(
             seen[1, i] = dq + noise[1, i]
 
 
-@compiled
+@inlined
 def feel(seen: Array, felt: Array, sensors: Array, period: float, keep: float, first: bool) -> None:
     """Write q and dq as the controller takes them, (2, n): differences where asked for, and its velocity filter."""
     for i in range(seen.shape[1]):
@@ -215,7 +215,7 @@ def feel(seen: Array, felt: Array, sensors: Array, period: float, keep: float, f
         felt[0, i] = seen[0, i]
 
 
-@compiled
+@inlined
 def keep_row(
     out: Array, state: Array, carried: Array, torque: Array, before: Array, bodies: Bodies, scratch: Scratch
 ) -> None:
@@ -235,7 +235,7 @@ def keep_row(
             out[8, i] += coupling[j, i] * (torque[j] - before[j])
 
 
-@compiled
+@inlined
 def command(tau: Array, limits: Array, inverse: Array, queue: Array, control: int, torques: Array) -> int:
     """Cut the torques (n,) of the joints at the limits and queue those of the drives; return how many were cut."""
     cut = 0
@@ -255,7 +255,7 @@ def command(tau: Array, limits: Array, inverse: Array, queue: Array, control: in
     return cut
 
 
-@compiled
+@inlined
 def drive(torques: Array, wanted: Array, decay: float, rise: Array, heat: Array, time: float) -> None:
     """Write the torques (3, n) of the drives over a step from where the last one left them, and their heat."""
     for j in range(len(wanted)):
@@ -267,7 +267,7 @@ def drive(torques: Array, wanted: Array, decay: float, rise: Array, heat: Array,
             rise[j] = heat[0, j] * (1.0 - math.exp(-heat[1, j] * time))
 
 
-@compiled
+@inlined
 def carry(bodies: Bodies, drives: Drives, state: Array, step: float) -> None:
     """Carry what the friction remembers over a step that has led to a state (STATES, n); at 0 s it begins there."""
     for friction in (drives[0], drives[1]):

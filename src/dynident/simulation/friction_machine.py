@@ -10,7 +10,7 @@ import math
 from typing import Final, TypeAlias
 
 from dynident.arrays import Array, IntArray
-from dynident.model.kernels.jit import compiled
+from dynident.model.kernels.jit import inlined
 
 #: Rows of the memory: position, speed and load of the drives, their temperature and its rise, how far they have moved
 #: since the step before, the length of the step, the positions before; then states, constants and results.
@@ -36,7 +36,7 @@ PASSES, SETTLED = 30, 1e-12
 Friction: TypeAlias = tuple[IntArray, Array, IntArray, IntArray, IntArray]
 
 
-@compiled
+@inlined
 def smooth_function(operation: int, x: float, y: float) -> float:
     """Return an operation that is a smooth function."""
     value = -x
@@ -57,7 +57,7 @@ def smooth_function(operation: int, x: float, y: float) -> float:
     return value
 
 
-@compiled
+@inlined
 def bent_function(operation: int, x: float, y: float) -> float:
     """Return an operation that has a jump or a bend."""
     value = 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
@@ -76,7 +76,7 @@ def bent_function(operation: int, x: float, y: float) -> float:
     return value
 
 
-@compiled
+@inlined
 def execute(code: IntArray, memory: Array) -> None:
     """Run the operations on the memory (m, n)."""
     drives = memory.shape[1]
@@ -99,7 +99,7 @@ def execute(code: IntArray, memory: Array) -> None:
                 memory[to, j] = bent_function(operation, memory[a, j], memory[b, j])
 
 
-@compiled
+@inlined
 def lose(friction: Friction, drawn: Array, is_load: bool, lost: Array) -> None:
     """Write the torque (n,) that drives lose whose motion and temperature stand in the memory.
 
@@ -136,7 +136,7 @@ def lose(friction: Friction, drawn: Array, is_load: bool, lost: Array) -> None:
         lost[j] = math.nan  # a load that leaves nothing to give
 
 
-@compiled
+@inlined
 def place(friction: Friction, coupling: Array, q: Array, dq: Array) -> None:
     """Write positions and speeds of the drives into the memory, from those of the joints (n,)."""
     memory = friction[1]
@@ -148,14 +148,14 @@ def place(friction: Friction, coupling: Array, q: Array, dq: Array) -> None:
         memory[Q, j], memory[DQ, j] = at, speed
 
 
-@compiled
+@inlined
 def warm(friction: Friction, goal: Array) -> None:
     """Write the temperatures of the drives into the memory, where a goal (4, n) has them in its last row."""
     for j in range(goal.shape[1] if len(goal) > 3 else 0):
         friction[1][TEMPERATURE, j] = goal[3, j]
 
 
-@compiled
+@inlined
 def begin(friction: Friction) -> None:
     """Take the positions in the memory as those before the first step."""
     memory = friction[1]
@@ -163,7 +163,7 @@ def begin(friction: Friction) -> None:
         memory[BEFORE, j] = memory[Q, j]
 
 
-@compiled
+@inlined
 def remember(friction: Friction, step: float) -> None:
     """Carry the states over a step that has led to the motion in the memory."""
     memory, code, rows = friction[1], friction[3], friction[4]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import BadOption, MissingDependency, NotConsistent
 from dynident.model.inertia import Inertia
+from dynident.model.kernels.jit import compiled
 from dynident.model.robot import Robot
 from dynident.simulation.cell_loop import advance, closed_cell, load_joints
 from dynident.simulation.cell_plant import CellPlant
@@ -29,7 +31,7 @@ def mujoco_loop(body: CellPlant) -> Callable[..., Any]:
     bodies = MujocoBodies(body.robot, body.inertial)
 
     def slope(tables: Any, drives: Any, state: Array, torque: Array, rise: Array, rate: Array, scratch: Any) -> bool:
-        load_joints(tables, drives, state, torque, rise, rate, scratch[1])
+        _called(load_joints)(tables, drives, state, torque, rise, rate, scratch[1])
         mass, bias = bodies.dynamics(state[0], state[1])
         rate[1] = np.linalg.solve(mass + tables[4], rate[1] - bias)
         return True
@@ -97,7 +99,15 @@ def _numbers(values: Sequence[float] | Array) -> str:
     return " ".join(f"{float(value):.17g}" for value in values)
 
 
-def _with(compiled: Any, names: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:
+def _with(function: Any, names: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:
     """Return the Python function behind a compiled one, with other functions for some that it calls."""
-    plain = compiled.py_func
-    return types.FunctionType(plain.__code__, {**plain.__globals__, **names}, plain.__name__)
+    plain = function.py_func
+    calls = {name: part for name in plain.__code__.co_names if hasattr(part := plain.__globals__.get(name), "py_func")}
+    parts = {name: _called(part) for name, part in calls.items() if name not in names}
+    return types.FunctionType(plain.__code__, {**plain.__globals__, **parts, **names}, plain.__name__)
+
+
+@cache
+def _called(part: Any) -> Any:
+    """Return a part of compiled functions so that Python may call it."""
+    return compiled(part.py_func)

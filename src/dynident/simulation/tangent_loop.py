@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.model.kernels.jit import compiled
+from dynident.model.kernels.jit import compiled, inlined
 
 
-@compiled
+@inlined
 def add_product(matrix: Array, block: Array, sign: float, total: Array) -> None:
     """Add sign * matrix (n, n) @ block (n, b) to total (n, b)."""
     for i in range(len(total)):
@@ -18,7 +18,7 @@ def add_product(matrix: Array, block: Array, sign: float, total: Array) -> None:
                 total[i, k] += factor * block[j, k]
 
 
-@compiled
+@inlined
 def copy(block: Array, into: Array) -> None:
     """Write a block (n, b); an assignment of arrays would compile the words of its errors with it."""
     for i in range(len(block)):
@@ -26,7 +26,7 @@ def copy(block: Array, into: Array) -> None:
             into[i, k] = block[i, k]
 
 
-@compiled
+@inlined
 def add_scaled(block: Array, factor: float, total: Array) -> None:
     """Add factor * block to total, both (n, b)."""
     for i in range(len(total)):
@@ -34,7 +34,7 @@ def add_scaled(block: Array, factor: float, total: Array) -> None:
             total[i, k] += factor * block[i, k]
 
 
-@compiled
+@inlined
 def carried(gains: Array, fed: Array, place: Array, torque: Array) -> None:
     """Write the derivative of the controller's torque (n, b) from those of the torque fed and of the state."""
     for i in range(len(torque)):

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.model.kernels.generic import WORK, bias_torque, placed_mass, solve
-from dynident.model.kernels.jit import compiled
+from dynident.model.kernels.jit import compiled, inlined
 from dynident.simulation.friction_machine import BY_LOAD, Friction, begin, lose, place, remember, warm
 
 #: links, reals, gravity and theta as in generic.py; armature (n, n) at the joints; coupling (n, n) with motor speed =
@@ -20,7 +20,7 @@ Plant: TypeAlias = tuple[IntArray, Array, Array, Array, Array, Array, Array, Arr
 Scratch: TypeAlias = tuple[Array, Array, Array, Array, Array]
 
 
-@compiled
+@inlined
 def acceleration(plant: Plant, q: Array, dq: Array, tau: Array, ddq: Array, scratch: Scratch) -> bool:
     """Write ddq (n,) with (M + armature) ddq + c + g + C' f(C dq) = tau + beside; False where M is singular."""
     links, reals, gravity, theta, armature, coupling, inverse, beside, friction = plant
@@ -44,7 +44,7 @@ def acceleration(plant: Plant, q: Array, dq: Array, tau: Array, ddq: Array, scra
     return solve(mass, ddq, scale)
 
 
-@compiled
+@inlined
 def carry(plant: Plant, state: Array, step: float) -> None:
     """Carry what the friction remembers over a step that has led to a state (2, n)."""
     if len(plant[8][4]) > 0:
@@ -59,7 +59,7 @@ def scratch_of(joints: int, links: int) -> Scratch:
     return mass, vectors, work, np.empty((4, 2, joints)), np.empty((2, joints))
 
 
-@compiled
+@inlined
 def begin_at(plant: Plant, state: Array, number: int) -> None:
     """Take a state (2, n) as the one before the first step, where the number of the step is 0."""
     if number == 0:
@@ -67,21 +67,21 @@ def begin_at(plant: Plant, state: Array, number: int) -> None:
         begin(plant[8])
 
 
-@compiled
+@inlined
 def feedback(gains: Array, goal: Array, state: Array, tau: Array) -> None:
     """Write the torque (n,) of a joint controller; gains (2, n): stiffness, damping; goal (3, n): q, dq, torque fed."""
     for i in range(len(tau)):
         tau[i] = goal[2, i] + gains[0, i] * (goal[0, i] - state[0, i]) + gains[1, i] * (goal[1, i] - state[1, i])
 
 
-@compiled
+@inlined
 def keep(state: Array, ddq: Array, row: Array) -> None:
     """Write q and dq (2, n) and ddq (n,) into the first three of a row; arrays are slow to compile when assigned."""
     for i in range(len(ddq)):
         row[0, i], row[1, i], row[2, i] = state[0, i], state[1, i], ddq[i]
 
 
-@compiled
+@inlined
 def keep_torque(tau: Array, row: Array) -> None:
     """Write the torque (n,) into the fourth of a row."""
     for i in range(len(tau)):

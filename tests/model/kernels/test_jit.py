@@ -80,3 +80,19 @@ def test_a_full_disk_is_no_error(load: Callable[[], ModuleType], monkeypatch: py
 
     monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
     assert load().doubled(4.0) == 8.0
+
+
+def test_a_part_of_compiled_functions_is_called_from_python_by_its_own_code(tmp_path: Path) -> None:
+    """Both versions of its code are kept, and neither process takes the one for the other."""
+    path, text = tmp_path / "parts_of_the_user.py", SOURCE.replace("import compiled", "import compiled, inlined")
+    path.write_text(
+        text.replace("@compiled", "@inlined") + "\n@compiled\ndef half(x):\n    return doubled(x) / 4.0\n",
+        encoding="ascii",
+    )
+    for _ in range(2):
+        spec = importlib.util.spec_from_file_location("parts_of_the_user", path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert module.half(4.0) == 2.0
+        assert jit.compiled(module.doubled.py_func)(4.0) == 8.0

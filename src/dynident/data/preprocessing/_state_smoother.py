@@ -147,7 +147,7 @@ def _look_back(
                 spread[i, j] += factor[i, k] * gain[k, j]
 
 
-@inlined
+@compiled
 def _correct(value: float, mean: Array, spread: Array, order: int) -> tuple[float, float]:
     """Take in a sample of variance one; return the innovation and its variance."""
     variance = spread[0, 0] + 1.0

@@ -15,7 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.model.kernels.generic import bias_torque, placed_mass, solve
-from dynident.model.kernels.jit import compiled
+from dynident.model.kernels.jit import compiled, inlined
 from dynident.simulation.friction_machine import BY_LOAD, BY_SPEED, lose, place, warm
 from dynident.simulation.tracking_loop import (
     Plant,
@@ -42,7 +42,7 @@ Torques: TypeAlias = tuple[Array, Array, Array, Array]
 System: TypeAlias = tuple[Array, Array, Array]
 
 
-@compiled
+@inlined
 def add_load_slopes(mass: Array, coupling: Array, inverse: Array, by_load: Array, work: Array) -> None:
     """Add C' diag(by_load) C^-T M to a mass matrix M (n, n): the torque that friction takes of the load."""
     joints = len(mass)
@@ -57,7 +57,7 @@ def add_load_slopes(mass: Array, coupling: Array, inverse: Array, by_load: Array
                 mass[i, j] += coupling[k, i] * by_load[k] * work[k, j]
 
 
-@compiled
+@inlined
 def losses(plant: Plant, motion: Array, found: Torques) -> None:
     """Write the torque that a motion (3, n) takes, its slope by the acceleration and that of friction by the speed.
 
@@ -92,7 +92,7 @@ def losses(plant: Plant, motion: Array, found: Torques) -> None:
                 slope[i, j] += coupling[k, i] * drive[1, k] * coupling[k, j]
 
 
-@compiled
+@inlined
 def place_stages(state: Array, rule: Array, step: float, motion: Array) -> None:
     """Write positions and speeds of the stages (3, 3, n) from their accelerations."""
     for i in range(STAGES):
@@ -105,7 +105,7 @@ def place_stages(state: Array, rule: Array, step: float, motion: Array) -> None:
                 motion[i, 1, a] += of_speed * motion[j, 2, a]
 
 
-@compiled
+@inlined
 def add_stage(i: int, rule: Array, step: float, gains: Array, tau: Array, found: Torques, system: System) -> None:
     """Write the rows of stage i of Newton's system; gains (2, n) are those that act within the step."""
     lost, matrices = found[0], found[1]
@@ -120,7 +120,7 @@ def add_stage(i: int, rule: Array, step: float, gains: Array, tau: Array, found:
             row[j * joints + a] += of_speed * gains[1, a] + of_place * gains[0, a]
 
 
-@compiled
+@inlined
 def correct(motion: Array, change: Array, before: float, share: float) -> tuple[float, float, float]:
     """Add a share of Newton's change to the accelerations of the stages; return its size, theirs, and the share.
 
@@ -136,7 +136,7 @@ def correct(motion: Array, change: Array, before: float, share: float) -> tuple[
     return moved, size, share
 
 
-@compiled
+@inlined
 def guess(ddq: Array, motion: Array) -> None:
     """Write accelerations (n,) as those of all stages (3, 3, n), where Newton's method begins."""
     for i in range(STAGES):

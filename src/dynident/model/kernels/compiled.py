@@ -75,12 +75,7 @@ def kernel(key: Hashable, make: Callable[[], tuple[TracedProgram, Layout] | None
         key: Tells this kernel from all others.
         make: Returns what to compile, or None where it is not worth it, which is remembered too.
     """
-
-    def compiled() -> Kernel | None:
-        made = make()
-        return None if made is None else Kernel(*made)
-
-    return kept(key, compiled)
+    return kept(key, lambda: None if (made := make()) is None else Kernel(*made))
 
 
 def kept(key: Hashable, make: Callable[[], Made]) -> Made:

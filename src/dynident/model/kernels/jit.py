@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -30,42 +31,46 @@ class PatientCache(FunctionCache):
     """The cache of numba, but a file that cannot be read or written leads to compiling, never to an error.
 
     Cached code holds the code of the functions it calls, so it counts as old when any such file changes; numba alone
-    watches only the caller's own file.
+    watches only the caller's own file. It is known by its ``settings`` as well, those of the compiler.
     """
+
+    settings = ""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the cached code, or None where there is none that can be read."""
-        try:
+        with suppress(Exception):  # a damaged file: unpickling can raise anything
             return super().load_overload(sig, target_context)
-        except Exception:  # a damaged file: unpickling can raise anything
-            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the code for the next process where the disk allows it."""
-        try:
+        with suppress(Exception):  # full or read-only disk, or an index that cannot be read
             super().save_overload(sig, data)
-        except Exception:  # full or read-only disk, or an index that cannot be read
-            pass
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (*super()._index_key(sig, codegen), kernel_sources())  # pyright: ignore[reportAttributeAccessIssue]
+        return (*super()._index_key(sig, codegen), kernel_sources(), self.settings)  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def compiled(function: Function) -> Function:
-    """Return ``function`` compiled on its first call: no interpreter lock, no division checks, cached on disk.
+#: Settings of all compiled functions (no interpreter lock, no division checks), and of those that only they call, which
+#: count no references to arrays (that takes longer than what they do) and have no way in from Python.
+_SETTINGS: dict[str, Any] = {"nogil": True, "forceinline": True, "error_model": "numpy", "fastmath": FAST}
+_INNER: dict[str, Any] = _SETTINGS | {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def compiled(function: Function, settings: dict[str, Any] = _SETTINGS) -> Function:
+    """Return ``function`` compiled on its first call, cached on disk.
 
     Where neither the folder of the source nor the user's cache can be written, it is compiled once per process.
     """
-    dispatcher = inlined(function)
-    try:
-        dispatcher._cache = PatientCache(function)  # pyright: ignore[reportFunctionMemberAccess]
-    except RuntimeError:  # numba: "cannot cache function ...: no locator available for file ..."
-        pass
+    dispatcher: Any = numba.njit(**settings)(function)
+    with suppress(RuntimeError):  # numba: "cannot cache function ...: no locator available for file ..."
+        dispatcher._cache = PatientCache(function)
+        dispatcher._cache.settings = repr(sorted(settings))
     return dispatcher
 
 
 def inlined(function: Function) -> Function:
-    """Return ``function`` for use inside compiled ones: it becomes part of their code and is not cached itself."""
-    settings: Any = {"nogil": True, "forceinline": True, "error_model": "numpy", "fastmath": FAST}
-    dispatcher: Any = numba.njit(**settings)(function)
-    return dispatcher
+    """Return ``function`` as a part of compiled ones, which makes no array.
+
+    Python must not call it, which would end the process, but ``compiled(function.py_func)``.
+    """
+    return compiled(function, _INNER)
