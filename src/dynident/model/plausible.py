@@ -60,7 +60,7 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
         share = SHAPE_SHARE if link.shapes or link.visuals else UNIFORM_SHARE
         thickness = min(GYRATION_SHARE * extent_of(points) / np.sqrt(2.0), share * uniform)
         if body.body_ellipsoid is None and body.body_box is None:
-            wide = outgrown(link)
+            wide = outgrown(link, ellipsoid)
             quadrics, reach = (link.quadrics, ENDS_REACH) if link.quadrics and not wide else ((), REACH)
             body = replace(body, body_ellipsoid=wide or ellipsoid, reach=reach, quadrics=quadrics)
         if body.mass == ValueRange() and mass > 0:
@@ -114,17 +114,16 @@ def consistency_defects(links: Iterable[Link]) -> dict[str, str]:
     return {name: part or why for name, (why, part) in found.items() if why}
 
 
-def outgrown(link: Link) -> Ellipsoid | None:
-    """Return the ellipsoid about shapes and nominal body; None where they bound the body, or one cannot be a link."""
+def outgrown(link: Link, own: Ellipsoid | None = None) -> Ellipsoid | None:
+    """Return the ellipsoid about shapes, ``own``, and body; None where they bound the body, or one cannot be a link."""
     points = shape_points(link)
     body = link.inertia.solid() if len(points) and link.inertia is not None else None
     if body is None or is_too_light(body):
         return None
     second, (semi_axes, axes) = body.pseudo / body.mass, _equal_density(body)
-    both = np.vstack([points, body.centre_of_mass + _DIRECTIONS * semi_axes @ axes.T])
-    own, size = bounding_ellipsoids([points, both])
-    if _with_room(own, second, REACH) is None:
+    if _with_room(own or bounding_ellipsoids([points])[0], second, REACH) is None:
         return None
+    (size,) = bounding_ellipsoids([np.vstack([points, body.centre_of_mass + _DIRECTIONS * semi_axes @ axes.T])])
     return _with_room(size, second, REACH) or size
 
 
