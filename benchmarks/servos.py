@@ -7,8 +7,9 @@ STS3215. A second answer gets one slow chirp without saturation and no gain: the
 not separable. Three or six joints: arms of desk size, all joints in motion at once, at 30, 50, 100 or 200 Hz,
 integrated by Pinocchio (servo_arms.py). One seed in four has stiction (Stribeck), and friction m2 is stated; m1 for the
 others. One line a seed is added to the file, and seeds that it holds are not run again. With --minutes the arms have
-logs of that length in all, at position gains from 6 to 20, and no stiction: how long does the answer take?
-Run: python -m benchmarks.servos FILE [--joints N] [--seeds N] [--first K] [--minutes M]
+logs of that length in all, at position gains from 6 to 20, and no stiction: how long does the answer take? With
+--bodies the bodies of the robot model are off by about 30 % and free; with --payload logs of a known payload are added.
+Run: python -m benchmarks.servos FILE [--joints N] [--seeds N] [--first K] [--minutes M] [--bodies] [--payload]
 """
 
 from __future__ import annotations
@@ -25,15 +26,18 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.servo_arms import arm_logs, drawn_arm
+from benchmarks.servo_bodies import disturbed, held, lines_of
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import JointActuator
 from dynident.actuators.identify import identify_actuators
+from dynident.actuators.joint_load import with_payload
 from dynident.actuators.parameters import PLACE, neutral
 from dynident.actuators.servo_log import ServoColumns, ServoSetup
 from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.arrays import Array
 from dynident.model.threads import one_blas_thread
 from dynident.robot_files import read_robot
+from dynident.simulation.effects import Payload
 
 PENDULUM = """<robot name="pendulum"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -{length}"/>
 <mass value="{mass}"/><inertia ixx="{own}" ixy="0" ixz="0" iyy="{own}" iyz="0" izz="{own}"/></inertial></link>
@@ -42,6 +46,9 @@ PENDULUM = """<robot name="pendulum"><link name="base"/><link name="arm"><inerti
 
 LAW = preset("feetech_sts3215")
 RATE, SECONDS = 200.0, 6.0
+
+#: Payload of the logs that have one, on the last link.
+PAYLOAD = Payload(0.1, (0.0, 0.03, -0.08))
 
 #: Parameters whose intervals and relative errors are counted.
 COUNTED = (
@@ -116,30 +123,45 @@ def gains_of(minutes: float) -> tuple[float, ...]:
     return tuple(np.linspace(6.0, 20.0, ceil(20.0 * minutes / SECONDS))) if minutes else (8.0, 16.0)
 
 
-def one(seed: int, joints: int, folder: Path, minutes: float = 0.0) -> dict[str, object]:
-    """Return what one seed gives, as plain data."""
+def one(seed: int, joints: int, folder: Path, minutes: float = 0.0, bodies: str = "") -> dict[str, object]:
+    """Return what one seed gives, as plain data; bodies: ``free``, or ``payload`` with logs of a known payload too."""
     random = np.random.default_rng([7, seed] if joints == 1 else [11, joints, seed])
     rate = RATE
     if joints == 1:
         robot, true = drawn(random, folder)
-        logs, true = logs_of(robot, true, seed, (3.0, 6.0), ("chirp", "steps", "drop")), true[None]
+        logs = logs_of(robot, true, seed, (3.0, 6.0), ("chirp", "steps", "drop"))
+        if bodies == "payload":
+            logs += [
+                replace(log, name=f"{log.name} load", payload=PAYLOAD)
+                for log in logs_of(with_payload(robot, PAYLOAD), true, seed + 1, (6.0,), ("chirp", "steps", "drop"))
+            ]
+        true = true[None]
     else:
         arm = drawn_arm(random, joints, LAW, folder)
         if not minutes:
             add_stiction(random, arm.true)
         robot, true, rate = arm.robot, arm.true, RATES[seed % len(RATES)]
         logs = arm_logs(arm, rate, gains_of(minutes))
+        if bodies == "payload":
+            loaded = replace(arm, robot=with_payload(robot, PAYLOAD))
+            more = arm_logs(loaded, rate, (12.0,))
+            logs += [replace(log, name=f"{log.name} load", payload=PAYLOAD) for log in more]
     friction = "m2" if true[0, PLACE["coulomb_stribeck"]] > 0 else "m1"
     setup, begun = ServoSetup((LAW,) * joints, ServoColumns(robot.joint_names), friction), time.process_time()
-    found = identify_actuators(robot, setup, logs).joints
+    given = robot
+    if bodies:
+        given, setup = disturbed(robot, np.random.default_rng([13, joints, seed])), replace(setup, bodies="plausible")
+    answer = identify_actuators(given, setup, logs)
     line = {
         "seed": seed,
         "rate": rate,
         "friction": friction,
         "seconds": time.process_time() - begun,
-        "joints": [_of_joint(joint, own) for joint, own in zip(found, true, strict=True)],
+        "joints": [_of_joint(joint, own) for joint, own in zip(answer.joints, true, strict=True)],
     }
-    if joints == 1:
+    if bodies:
+        line["bodies"] = held(answer, robot, true)
+    elif joints == 1:
         quiet = [replace(log, kp=float("nan")) for log in logs_of(robot, true[0], seed, (1.5,), ("slow",))]
         setup = ServoSetup((preset("position_servo"),), ServoColumns(("joint1",)), "m1")
         known = identify_actuators(robot, setup, quiet).joints[0].known
@@ -199,6 +221,7 @@ def summary(lines: list[Mapping]) -> list[str]:
         if odd:
             found.append(f"{name:18s}{odd} times found where there is none, or missed")
     found.append(f"all intervals: {100 * held / max(counted, 1):.1f} % of {counted} hold the truth")
+    found += lines_of(lines)
     labels = [line["gain_unknown"] for line in lines if "gain_unknown" in line]
     if labels:
         right = labels.count("not separable")
@@ -215,6 +238,8 @@ def main() -> None:
     options.add_argument("--seeds", type=int, default=200)
     options.add_argument("--first", type=int, default=0)
     options.add_argument("--minutes", type=float, default=0.0)
+    options.add_argument("--bodies", action="store_const", const="free", default="")
+    options.add_argument("--payload", dest="bodies", action="store_const", const="payload")
     chosen = options.parse_args()
     file: Path = chosen.file
     lines = [json.loads(text) for text in file.read_text().splitlines()] if file.exists() else []
@@ -222,7 +247,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(chosen.first, chosen.first + chosen.seeds):
             if seed not in done:
-                lines.append(one(seed, chosen.joints, Path(folder), chosen.minutes))
+                lines.append(one(seed, chosen.joints, Path(folder), chosen.minutes, chosen.bodies))
                 with file.open("a") as sink:
                     sink.write(json.dumps(lines[-1]) + "\n")
     print("\n".join(summary(lines)))

@@ -38,6 +38,7 @@ NOT_RUN = {
     "docs/robot-models.md": (5, "needs xacro, USD: tests/robot_files/test_xacro.py, test_usd.py"),
     "docs/scale.md": (3, "a cluster and a bucket: tests/workers"),
     "docs/selftest.md": (1, "a plan: tests/cli/test_selftest_command.py"),
+    "docs/servo-bodies.md": (1, "a case of a servo whose bodies are off: tests/actuators"),
     "docs/servo-tutorial.md": (2, "parts of examples/cases/xl330.yaml and of examples/servo_arm/arm.yaml"),
     "docs/servos.md": (6, "a case of a servo and its files: tests/actuators"),
     "docs/studio.md": (2, "installation, a browser: tests/studio"),

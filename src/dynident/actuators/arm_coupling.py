@@ -13,7 +13,7 @@ from dynident.actuators.arm_motion import joint_motion
 from dynident.actuators.joint_fit import JointData, JointFit
 from dynident.actuators.joint_load import ArmMotion, MeasuredMotion, rigid_inertia
 from dynident.actuators.output_error import ServoProblem, log_errors, log_weights
-from dynident.actuators.parameters import PLACE
+from dynident.actuators.parameters import PLACE, SCALE_POWER
 from dynident.actuators.verdict import Spread, spread_of
 from dynident.arrays import Array
 from dynident.model.kernels import batched
@@ -44,6 +44,8 @@ class Arm:
         coupling: Derivatives of the free parameters that the fits find by those that the motions are by, P of all
             joints together, shape (P, P); none before they are found.
         few: Training logs by which these are found; None for all.
+        shared: Covariance that unknown bodies give the P free parameters, shape (P, P); none where they are known.
+        scale: Standard deviation of a scale that these bodies and all torques have in common, beside that.
     """
 
     robots: Sequence[Robot]
@@ -55,10 +57,12 @@ class Arm:
     used: Sequence[Array]
     coupling: Array = field(default_factory=lambda: np.zeros((0, 0)))
     few: Sequence[int] | None = None
+    shared: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    scale: float = 0.0
 
     def error(self) -> float:
         """Return the mean logarithm of the errors of the roll-outs, over joints and logs."""
-        return float(np.mean([np.log(log_errors(one, fit.parameters)).mean() for one, fit in self._pairs()]))
+        return float(np.mean([np.log(log_errors(one, fit.parameters)).mean() for one, fit in self.pairs()]))
 
     def part(self, logs: Sequence[int]) -> Arm:
         """Return the arm in some of the training logs."""
@@ -72,12 +76,13 @@ class Arm:
             few=None,
         )
 
-    def _pairs(self) -> list[tuple[ServoProblem, JointFit]]:
+    def pairs(self) -> list[tuple[ServoProblem, JointFit]]:
+        """Return the roll-outs and the fit of each joint."""
         return [(fit.problem(data), fit) for data, fit in zip(self.datas, self.fits, strict=True)]
 
     def spreads(self, finely: bool = False) -> list[Spread]:
         """Return how the errors of each joint spread its parameters, those of the others as they are."""
-        return [spread_of(one.finely if finely else one, fit.parameters) for one, fit in self._pairs()]
+        return [spread_of(one.finely if finely else one, fit.parameters) for one, fit in self.pairs()]
 
     @property
     def firsts(self) -> list[int]:
@@ -100,8 +105,8 @@ class Arm:
         """
         firsts, arm = self.firsts, self if self.few is None else self.part(self.few)
         found = np.zeros((firsts[-1], firsts[-1]))
-        theirs = [_Response(one, fit, spread) for (one, fit), spread in zip(arm._pairs(), spreads, strict=True)]
-        for joint, ((one, _), spread) in enumerate(zip(arm._pairs(), spreads, strict=True)):
+        theirs = [Response(one, fit, spread) for (one, fit), spread in zip(arm.pairs(), spreads, strict=True)]
+        for joint, ((one, _), spread) in enumerate(zip(arm.pairs(), spreads, strict=True)):
             values, deviations = self.used[joint][one.places], np.sqrt(np.diag(spread.covariance))
             most = _OF_VALUE * np.maximum(np.abs(values), one.scales())
             sizes = np.minimum(_OF_DEVIATION * deviations, most)
@@ -111,14 +116,14 @@ class Arm:
             for column in np.flatnonzero(counts).tolist():
                 moved = values.copy()
                 moved[column] += sizes[column]
-                torques = arm._torques(joint, one.full(moved, self.used[joint]), is_whole)
+                torques = arm.torques(joint, one.full(moved, self.used[joint]), is_whole)
                 for other in set(range(len(theirs))) - {joint}:
                     rows = slice(firsts[other], firsts[other + 1])
                     change = theirs[other].to([torque[:, other] for torque in torques])
                     found[rows, firsts[joint] + column] = change / sizes[column]
         return replace(self, coupling=found)
 
-    def _torques(self, joint: int, parameters: Array, is_whole: bool) -> list[Array]:
+    def torques(self, joint: int, parameters: Array, is_whole: bool) -> list[Array]:
         """Return the change of the bodies' torque in each training log by other parameters of a joint, each (K, n)."""
         found, place = [], PLACE["angle_offset"]
         zero = float(parameters[place] - self.used[joint][place])
@@ -138,6 +143,16 @@ class Arm:
         return found
 
     @property
+    def fitted(self) -> Array:
+        """Free parameters that the fits have found, shape (P,)."""
+        return np.concatenate([fit.parameters[one.places] for one, fit in self.pairs()])
+
+    @property
+    def moved_by(self) -> Array:
+        """Free parameters that the motions are by, shape (P,)."""
+        return np.concatenate([used[one.places] for (one, _), used in zip(self.pairs(), self.used, strict=True)])
+
+    @property
     def reach(self) -> Array:
         """How an error of each fit reaches all of them where they find themselves, (I - G)^-1, shape (P, P)."""
         return np.asarray(np.linalg.inv(np.eye(len(self.coupling)) - self.coupling))
@@ -151,8 +166,7 @@ class Arm:
         Args:
             share: Of what the joints change of each other, that is gone.
         """
-        pairs = zip(self._pairs(), self.used, strict=True)
-        alone = np.concatenate([fit.parameters[one.places] - used[one.places] for (one, fit), used in pairs])
+        alone = self.fitted - self.moved_by
         step = alone + share * (self.reach @ alone - alone)
         return step * min(1.0, LONGEST_STEP / max(float(np.abs(step[self.zeros]).max(initial=0.0)), 1e-12))
 
@@ -165,21 +179,40 @@ class Arm:
             step: That is left, shape (P,).
         """
         own = np.asarray(block_diag(*[spread.covariance for spread in spreads]))
-        covariance = reach @ own @ reach.T + np.outer(step, step)
+        return self.with_shared(spreads, reach @ own @ reach.T + np.outer(step, step))
+
+    def with_shared(self, spreads: Sequence[Spread], covariance: Array) -> list[Spread]:
+        """Return the spread of each joint by a covariance of all free parameters and what the bodies add, (P, P)."""
         owns = [slice(*ends) for ends in pairwise(self.firsts)]
-        return [replace(one, covariance=covariance[own, own]) for one, own in zip(spreads, owns, strict=True)]
+        if not self.shared.size:
+            return [replace(one, covariance=covariance[own, own]) for one, own in zip(spreads, owns, strict=True)]
+        ratio, power = covariance + self.shared, [SCALE_POWER[one.places] for one, _ in self.pairs()]
+        along = self.fitted * np.concatenate(power)
+        along[np.diag(covariance) <= 0.0] = 0.0  # at a bound
+        whole, pairs = ratio + self.scale**2 * np.outer(along, along), zip(spreads, owns, strict=True)
+        ratio = ratio - _along(ratio, along)
+        return [replace(one, covariance=whole[own, own], ratio=ratio[own, own]) for one, own in pairs]
 
     def after(self, step: Array) -> list[JointFit]:
         """Return the fits after a step of all free parameters, shape (P,), within their bounds."""
         fits = []
-        for (one, fit), used, ends in zip(self._pairs(), self.used, pairwise(self.firsts), strict=True):
+        for (one, fit), used, ends in zip(self.pairs(), self.used, pairwise(self.firsts), strict=True):
             values = np.clip(used[one.places] + step[slice(*ends)], *one.bounds())
             fits.append(replace(fit, parameters=one.full(values, fit.parameters)))
         return fits
 
 
-class _Response:
-    """How the free parameters that the fit of a joint finds answer to its load."""
+def _along(covariance: Array, direction: Array) -> Array:
+    """Return the largest part of a covariance (P, P) that is one direction (P,): the rest is that of ratios alone."""
+    sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    scaled = direction / sizes
+    inverse = np.linalg.pinv(covariance / np.outer(sizes, sizes), rcond=1e-12, hermitian=True)
+    weight = float(scaled @ inverse @ scaled)
+    return np.outer(direction, direction) / weight if weight > 0 else np.zeros_like(covariance)
+
+
+class Response:
+    """How errors of the roll-outs of a joint, and the free parameters that its fit finds, answer to its load."""
 
     def __init__(self, problem: ServoProblem, fit: JointFit, spread: Spread) -> None:
         self.problem, self.parameters = problem, fit.parameters
@@ -192,15 +225,39 @@ class _Response:
         self.sizes = np.maximum(np.linalg.norm(rows[:, self.free], axis=0), 1e-300)
         self.solve = np.linalg.pinv(rows[:, self.free] / self.sizes, rcond=_UNSEEN)
 
-    def to(self, torques: Sequence[Array]) -> Array:
-        """Return the change of the free parameters, shape (f,), under loads that are more by torques, each (K,)."""
+    def changes(self, torques: Sequence[Array]) -> list[Array]:
+        """Return the change of the errors in each log under loads that are more by torques, each (K,)."""
         records = []
         for record, torque in zip(self.problem.records, torques, strict=True):
             loads = record.loads.copy()
             loads[:, 1] += torque
             records.append(replace(record, loads=loads))
         errors = replace(self.problem, records=tuple(records)).residuals(self.parameters)
-        change = [(new - old) * scale for new, old, scale in zip(errors, self.errors, self.scales, strict=True)]
+        return [new - old for new, old in zip(errors, self.errors, strict=True)]
+
+    def to(self, torques: Sequence[Array]) -> Array:
+        """Return the change of the free parameters, shape (f,), under loads that are more by torques, each (K,)."""
+        change = [own * scale for own, scale in zip(self.changes(torques), self.scales, strict=True)]
         found = np.zeros(len(self.problem.free))
         found[self.free] = -(self.solve @ np.concatenate(change)) / self.sizes
         return found
+
+    def less_own(self, beside: Sequence[Array]) -> tuple[list[Array], list[Array], Array]:
+        """Return derivatives and errors, weighted, less what the free parameters and the start of each log explain.
+
+        Args:
+            beside: Derivatives of the errors by d other numbers, log by log, each (N, d).
+
+        Returns:
+            The derivatives by these, each (N, d), the errors, each (N,), and what the free parameters answer to the
+            numbers and to the errors, shape (f, d + 1).
+        """
+        errors, slopes = self.problem.errors(self.parameters, beside)
+        count, ends = len(self.problem.free), np.cumsum([len(error) for error in errors])[:-1]
+        rows = np.concatenate([slope * scale for slope, scale in zip(slopes, self.scales, strict=True)])
+        error = np.concatenate([own * scale for own, scale in zip(errors, self.scales, strict=True)])
+        own, others = rows[:, self.free] / self.sizes, rows[:, count:]
+        answer, taken = self.solve @ others, self.solve @ error
+        found = np.zeros((count, others.shape[1] + 1))
+        found[self.free] = -np.column_stack([answer, taken]) / self.sizes[:, None]
+        return np.split(others - own @ answer, ends), np.split(error - own @ taken, ends), found

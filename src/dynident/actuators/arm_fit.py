@@ -99,17 +99,24 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     """Return an arm that is settled with fits by the step of the answer, and how their errors spread them."""
     if len(arm.fits) == 1:
         arm = replace(arm, datas=[arm.datas[0].started(arm.fits[0].parameters)])
-        return arm, [spread_of(arm.fits[0].problem(arm.datas[0]).finely, arm.fits[0].parameters)]
+        spread = spread_of(arm.fits[0].problem(arm.datas[0]).finely, arm.fits[0].parameters)
+        return arm, arm.with_shared([spread], spread.covariance)
     progress("all joints with the step of the answer")
     spreads = arm.spreads()
     reach = arm.coupled(spreads, is_whole=True).reach
     arm = arm.coupled(spreads, is_whole=False)
-    fits = arm.after(arm.step(share=_NEAR))
-    ends = [divided(one, FINE_LOAD_STEP) for one in arm.ends]
-    arm = replace(arm, ends=ends, motions=[motion_at(*pair) for pair in zip(arm.motions, ends, strict=True)])
-    arm = turned(arm, fits, finely=True)
+    arm = finer(replace(arm, fits=arm.after(arm.step(share=_NEAR))))
     step = arm.step()
     return replace(arm, fits=arm.after(arm.step(share=_NEAR))), arm.reached(arm.spreads(finely=True), reach, step)
+
+
+def finer(arm: Arm) -> Arm:
+    """Return an arm with the loads and the fits of the answer."""
+    if len(arm.fits) == 1:
+        return turned(arm, arm.fits, finely=True)
+    ends = [divided(one, FINE_LOAD_STEP) for one in arm.ends]
+    motions = [motion_at(*pair) for pair in zip(arm.motions, ends, strict=True)]
+    return turned(replace(arm, ends=ends, motions=motions), arm.fits, finely=True)
 
 
 def _is_settled(spreads: Sequence[Spread], step: Array) -> bool:

@@ -12,11 +12,13 @@ import numpy as np
 
 from dynident.actuators import KIND
 from dynident.actuators.drive_law import DriveLaw, KnownFrom
+from dynident.actuators.free_bodies import FreeBodies, bodies_data, read_bodies, with_bodies
 from dynident.actuators.parameters import PARAMETERS, PLACE
 from dynident.actuators.verdict import Known
 from dynident.arrays import Array
 from dynident.errors import EstimateFormatError
 from dynident.files import read_json, write_atomically
+from dynident.model.robot import Robot
 
 #: Version of the file.
 VERSION = 1
@@ -98,15 +100,21 @@ class ActuatorEstimate:
         robot: Name of the robot.
         joints: Its actuators.
         provenance: Files, command and version.
+        bodies: Bodies that were found beside them; None where they are those of the robot model.
     """
 
     robot: str
     joints: tuple[JointActuator, ...]
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    bodies: FreeBodies | None = None
 
     def joint(self, name: str) -> JointActuator:
         """Return the actuator of a joint."""
         return next(joint for joint in self.joints if joint.name == name)
+
+    def on(self, robot: Robot) -> Robot:
+        """Return a robot model with the bodies that were found."""
+        return robot if self.bodies is None else with_bodies(robot, self.bodies.theta)
 
 
 def _finite(value: float) -> float | None:
@@ -125,7 +133,7 @@ def as_data(estimate: ActuatorEstimate) -> dict[str, Any]:
                 name: {"value": _finite(value), "unit": PARAMETERS[PLACE[name]].unit}
                 for name, value in zip(names, joint.parameters, strict=True)
             },
-            "known": [{**asdict(one), "half_width": _finite(one.half_width)} for one in joint.known],
+            "known": [_known(one) for one in joint.known],
             "combinations": [asdict(one) for one in joint.combinations],
             "coulomb_viscous": {name: _finite(value) for name, value in zip(names, joint.simple, strict=True)},
             "linear_start": {name: _finite(value) for name, value in zip(names, joint.linear, strict=True)},
@@ -138,10 +146,18 @@ def as_data(estimate: ActuatorEstimate) -> dict[str, Any]:
             "saturated_share": joint.saturated,
             "remarks": list(joint.remarks),
         }
-    return {
-        "kind": KIND, "version": VERSION, "robot": estimate.robot, "joints": joints,
-        "provenance": dict(estimate.provenance),
-    }  # fmt: skip
+    found = {"kind": KIND, "version": VERSION, "robot": estimate.robot, "joints": joints}
+    if estimate.bodies is not None:
+        found["bodies"] = bodies_data(estimate.bodies)
+    return {**found, "provenance": dict(estimate.provenance)}
+
+
+def _known(one: Known) -> dict[str, Any]:
+    """Return how far a parameter is known as plain data; a ratio only where the bodies are found beside it."""
+    found = {**asdict(one), "half_width": _finite(one.half_width)}
+    if one.ratio is None:
+        del found["ratio"]
+    return found
 
 
 def write_actuators(estimate: ActuatorEstimate, path: str | Path) -> None:
@@ -166,7 +182,8 @@ def read_actuators(path: str | Path) -> ActuatorEstimate:
         raise EstimateFormatError(path, "no estimate of actuators", step)
     try:
         joints = tuple(_joint(name, own) for name, own in data["joints"].items())
-        return ActuatorEstimate(data["robot"], joints, data.get("provenance", {}))
+        bodies = read_bodies(data["bodies"]) if "bodies" in data else None
+        return ActuatorEstimate(data["robot"], joints, data.get("provenance", {}), bodies)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise EstimateFormatError(path, f"damaged ({type(error).__name__}: {error})", step) from error
 

@@ -86,6 +86,7 @@ def followed(
     found: list[FollowedJoint] = []
     logs = check_gains(logs, estimate.joints[0].law.kp)
     laws, values = [joint.law for joint in estimate.joints], [joint.parameters for joint in estimate.joints]
+    robot = estimate.on(robot)
     loads = [arm_loads(robot, log, laws, values) for log in logs]
     free = [arm_loads(robot, log, laws, values, is_free=True) for log in logs] if robot.dof > 1 else loads
     for k, (actuator, joint) in enumerate(zip(estimate.joints, robot.active, strict=True)):

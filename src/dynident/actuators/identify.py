@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dynident.actuators.arm_bodies import free_bodies, stated_bodies
 from dynident.actuators.arm_coupling import Arm
 from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, SOME_TURNS, finished, settled, turned
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
@@ -46,11 +47,13 @@ def identify_actuators(
         progress: Called with each step in words.
 
     Raises:
-        NotConsistent: The robot model has no inertias.
+        NotConsistent: The robot model has no inertias, or not of all links where they are free.
         LogMismatch: All samples of a joint rest or are saturated, or logs state no gain.
         SolverFailed: No start gives a finite roll-out.
     """
     rigid_inertia(robot)
+    if setup.bodies:
+        stated_bodies(robot, setup)
     progress("loads of the joints")
     logs = check_gains([*train, *test], setup.laws[0].kp)
     measured = [measured_motion(log) for log in logs]
@@ -70,9 +73,12 @@ def identify_actuators(
             data = data.while_on()
         datas.append(data)
     arm = Arm(robots, measured, ends, motions, datas, [], [])
-    arm, spreads = finished(_fitted(arm, _first_logs(train, robot.dof), setup.friction, progress), progress)
+    arm, bodies = _fitted(arm, _first_logs(train, robot.dof), setup.friction, progress), None
+    if setup.bodies:
+        arm, bodies = free_bodies(arm, robot, setup, logs, progress)
+    arm, spreads = finished(arm, progress)
     joints = [_answer(*each, kp) for each in zip(arm.datas, arm.fits, spreads, strict=True)]
-    return ActuatorEstimate(robot.name, tuple(joints))
+    return ActuatorEstimate(robot.name, tuple(joints), bodies=bodies)
 
 
 def _first_logs(logs: Sequence[ServoLog], joints: int) -> list[int]:
@@ -108,7 +114,7 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
         fits = [richer_fit(*each, friction, effort, progress, from_fit=len(pairs) > 1) for each in pairs]
         part = settled(replace(part, fits=fits), progress)
     if len(part.fits) == 1:
-        return replace(arm, fits=part.fits)
+        return replace(arm, fits=part.fits, used=used)
     progress("motion of the whole arm in all logs")
     motions, zeros = list(arm.motions), [own[PLACE["angle_offset"]] for own in part.used]
     for k, motion in zip(first, part.motions, strict=True):

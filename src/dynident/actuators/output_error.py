@@ -125,15 +125,21 @@ class ServoProblem:
         runs = [(record, rolled_out(record, parameters, longest=self.longest).q) for record in self.records]
         return [(q - record.q)[record.used] for record, q in runs]
 
-    def errors(self, parameters: Array) -> tuple[list[Array], list[Array]]:
+    def errors(self, parameters: Array, beside: Sequence[Array] = ()) -> tuple[list[Array], list[Array]]:
         """Return the errors in rad and their derivatives by the free parameters, log by log.
 
         Both are less what position and velocity at the start of each log explain.
+
+        Args:
+            parameters: Shape (COUNT,).
+            beside: Derivatives by d other numbers, log by log, each (N, d), to stand behind the others.
         """
         errors, slopes, columns = [], [], self.columns()
-        for record in self.records:
+        for k, record in enumerate(self.records):
             run = rolled_out(record, parameters, columns, self.longest)
-            error, slope, _ = from_best_start(record, (run.q - record.q)[record.used], run.slopes[record.used])
+            own = run.slopes[record.used]
+            own = np.hstack([own[:, :-2], beside[k], own[:, -2:]]) if beside else own
+            error, slope, _ = from_best_start(record, (run.q - record.q)[record.used], own)
             errors.append(error)
             slopes.append(slope)
         return errors, slopes

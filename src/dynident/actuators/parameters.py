@@ -59,6 +59,13 @@ PLACE: Final = {parameter.name: k for k, parameter in enumerate(PARAMETERS)}
 
 COUNT: Final = len(PARAMETERS)
 
+#: Power of a common scale of all torques and inertias by which each parameter goes, shape (COUNT,).
+SCALE_POWER: Final = np.zeros(COUNT)
+for _name in ("full_torque", "back_emf", "viscous", "coulomb", "coulomb_stribeck", "armature"):
+    SCALE_POWER[PLACE[_name]] = 1.0
+for _name in ("load_motor_quadratic", "load_external_quadratic"):
+    SCALE_POWER[PLACE[_name]] = -1.0
+
 
 def neutral() -> Array:
     """Return parameters of a drive without friction, delay and slew limit, shape (COUNT,)."""

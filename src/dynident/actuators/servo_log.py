@@ -12,6 +12,7 @@ from dynident.actuators.lerobot_calibration import MotorRange
 from dynident.arrays import Array, BoolArray
 from dynident.data.formats import ColumnMap
 from dynident.errors import BadOption, LogMismatch
+from dynident.model.body_constraints import Constraints
 from dynident.simulation.effects import Payload
 
 #: Share of samples whose reads may fail before a log is refused.
@@ -80,11 +81,16 @@ class ServoSetup:
         laws: Drive law of each joint, in the order of the robot.
         columns: Which columns of the logs are what.
         friction: Name of a friction model, or ``auto``.
+        bodies: Bodies that are found beside the drives: ``plausible`` or ``free``, as of ``bodies`` of a case; empty
+            where they are those of the robot model.
+        constraints: What is known about bodies that are found.
     """
 
     laws: tuple[DriveLaw, ...]
     columns: ServoColumns
     friction: str = AUTO
+    bodies: str = ""
+    constraints: Constraints = field(default_factory=Constraints)
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,15 @@ TOGETHER = 0.98
 #: Equal readings in a row from which a joint counts as at rest.
 REST_SAMPLES = 10
 
+#: What is known but for the scale that all torques and inertias have in common.
+AS_RATIO = "known as a ratio"
+
 #: Half width from which a parameter counts as weak, as a share of its value.
 WEAK = 0.25
+
+
+#: Half width in rad up to which the zero of an encoder counts as identified where the bodies are found beside it.
+ZERO = 0.02
 
 
 @dataclass(frozen=True)
@@ -44,8 +51,10 @@ class Known:
         name: The parameter.
         value: Its value.
         half_width: Of the interval at LEVEL; infinite where the logs do not see it.
-        label: identified, weak, at its bound, or not separable.
+        label: identified, known as a ratio, weak, at its bound, or not separable.
         together: Parameter that it is known with only; empty for none.
+        ratio: Half width where the scale that all torques and inertias have in common is held; None where the bodies
+            are known and give it.
     """
 
     name: str
@@ -53,10 +62,12 @@ class Known:
     half_width: float
     label: str
     together: str = ""
+    ratio: float | None = None
 
     def scaled(self, factor: float) -> Known:
         """Return the parameter in a unit that is smaller by a factor."""
-        return replace(self, value=self.value * factor, half_width=self.half_width * factor)
+        ratio = None if self.ratio is None else self.ratio * factor
+        return replace(self, value=self.value * factor, half_width=self.half_width * factor, ratio=ratio)
 
 
 @dataclass(frozen=True)
@@ -69,6 +80,8 @@ class Spread:
         inner: Which are not at a bound, shape (f,).
         seen: Which the logs see, shape (f,).
         pieces: Number of pieces of logs that count as independent.
+        ratio: Covariance without the scale that all torques and inertias have in common, shape (f, f); None where the
+            bodies are known.
     """
 
     covariance: Array
@@ -76,6 +89,7 @@ class Spread:
     inner: BoolArray
     seen: BoolArray
     pieces: int
+    ratio: Array | None = None
 
 
 def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
@@ -100,15 +114,12 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
     scores: list[Array] = []
     squares = 0.0
     resting: dict[float, Array] = {}
-    for record, error, slope, weight in zip(problem.records, errors, slopes, weights, strict=True):
+    counts = pieces_of(problem.records)
+    for record, error, slope, weight, pieces in zip(problem.records, errors, slopes, weights, counts, strict=True):
         own = slope * scales * weight / np.sqrt(len(error))
         residual = error * weight / np.sqrt(len(error))
         bread += own.T @ own
         squares += float(residual @ residual)
-        pieces = 1
-        if len(errors) < _LOGS:
-            time = record.samples[record.used, 0]
-            pieces = max(1, round((time[-1] - time[0]) / PIECE_S))
         scores += [own[a].T @ residual[a] for a in np.array_split(np.arange(len(error)), pieces)]
         rests = _rests(record.q[record.used])
         for reading in np.unique(rests[np.isfinite(rests)]).tolist():
@@ -129,23 +140,37 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
     return Spread(covariance * np.outer(scales, scales), bread, inner, seen, len(scores))
 
 
+def pieces_of(records: Sequence[JointRecord]) -> list[int]:
+    """Return the number of pieces of each log that count as independent."""
+    if len(records) >= _LOGS:
+        return [1] * len(records)
+    times = [record.samples[record.used, 0] for record in records]
+    return [max(1, round((time[-1] - time[0]) / PIECE_S)) for time in times]
+
+
 def known_parameters(problem: ServoProblem, parameters: Array, spread: Spread) -> tuple[Known, ...]:
     """Return how far each free parameter is known."""
     values = parameters[problem.places]
     free = [int(k) for k in np.flatnonzero(spread.inner)]
     factor = float(stdtrit(max(spread.pieces - 1, 1), 0.5 + LEVEL / 2.0))
-    halves = factor * np.sqrt(np.maximum(np.diag(spread.covariance), 0.0))
+    halves, ratios = (
+        factor * np.sqrt(np.maximum(np.diag(own), 0.0))
+        for own in (spread.covariance, spread.covariance if spread.ratio is None else spread.ratio)
+    )
     found = []
     for k, (name, value, half) in enumerate(zip(problem.free, values.tolist(), halves.tolist(), strict=True)):
+        ratio = None if spread.ratio is None else float(ratios[k])
         if not spread.inner[k]:
             found.append(Known(name, value, np.inf, "at its bound"))
         elif not spread.seen[k]:
             found.append(Known(name, value, np.inf, "not separable", _partner(problem.free, spread.products, k, free)))
-        elif half < WEAK * abs(value) or name == "angle_offset":
-            found.append(Known(name, value, half, "identified"))
+        elif half < WEAK * abs(value) or (name == "angle_offset" and (ratio is None or half < ZERO)):
+            found.append(Known(name, value, half, "identified", ratio=ratio))
+        elif ratio is not None and ratio < WEAK * abs(value):
+            found.append(Known(name, value, half, AS_RATIO, ratio=ratio))
         else:
             partner = _partner(problem.free, spread.covariance, k, free, TOGETHER)
-            found.append(Known(name, value, half, "weak", partner))
+            found.append(Known(name, value, half, "weak", partner, ratio))
     return tuple(found)
 
 
@@ -190,6 +215,7 @@ EXPERIMENTS = {
     "load_external": "hold and move a second, heavier payload",
     "coulomb": "slow ramps in both directions",
     "delay": "steps or a fast chirp of the command",
+    "angle_offset": "a known payload too: the zero of the encoder and the direction of a centre of mass look alike",
     "slew_limit": "large steps of the command",
 }
 

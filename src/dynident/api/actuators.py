@@ -11,9 +11,9 @@ from dynident.actuators.estimate import ActuatorEstimate
 from dynident.actuators.followed_log import FollowedJoint, followed
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_files import read_servo_logs
-from dynident.actuators.servo_log import ServoLog
+from dynident.actuators.servo_log import ServoLog, ServoSetup
 from dynident.api.case_logs import with_logs
-from dynident.case.case import Case, read_case
+from dynident.case.case import AUTO, Case, read_case
 from dynident.data.log_places import logs_named
 from dynident.errors import BadOption, DescriptionError, LogMismatch
 from dynident.files import sha256_of
@@ -33,19 +33,22 @@ def actuators(
         progress: Called with each step in words.
 
     Raises:
-        DescriptionError: The case has no key ``servo``, or a split of a single log.
+        DescriptionError: The case has no key ``servo``, a split of a single log, or constraints of bodies that are not
+            found.
         BadOption: No training log is named.
         LogFormatError: A log lacks a column, or is no sound log.
         LogMismatch: A log that determines nothing: no command, one pose, counts, saturated throughout.
-        NotConsistent: The robot model has no inertias.
+        NotConsistent: The robot model has no inertias, or not of all links where the bodies are to be found.
+        ContradictoryConstraints: No robot meets the constraints.
         SolverFailed: No start gives a finite roll-out.
     """
     if not isinstance(case, Case):
         case = read_case(case)
     train, test = logs_of_servos(case)
     assert case.servo is not None
+    setup = _with_bodies(case, case.servo)
     with one_blas_thread():
-        found = identify_actuators(case.robot, case.servo, train, test, progress)
+        found = identify_actuators(case.robot, setup, train, test, progress)
     paths = dict.fromkeys(log.path for log in (*train, *test))
     provenance = {
         "dynident": version("dynident"),
@@ -57,6 +60,22 @@ def actuators(
         "left_out": [text for log in (*train, *test) for text in log.left_out],
     }
     return replace(found, provenance=provenance)
+
+
+def _with_bodies(case: Case, setup: ServoSetup) -> ServoSetup:
+    """Return how the servos of a case are found, with the bodies that it asks for: by default the robot model's.
+
+    Raises:
+        DescriptionError: Constraints without bodies that may be found, or of parameters that bodies have not.
+    """
+    bodies, known = "plausible" if case.bodies == AUTO else case.bodies, case.constraints
+    if not bodies and not known.is_empty:
+        step = "write bodies: plausible to find the bodies beside the drives, or leave constraints out"
+        raise DescriptionError(case.path, "constraints", "the bodies of a case with servo are the robot model's", step)
+    if known.fixed:
+        step = "leave fixed out: state masses and centres of links, which bodies: plausible keeps"
+        raise DescriptionError(case.path, "constraints.fixed", "it has no effect beside servo", step)
+    return replace(setup, bodies=bodies, constraints=known)
 
 
 def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple[FollowedJoint, ...]:

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 #: Options of 'identify' that are for logs with torques, and have no meaning here.
 _FOREIGN = (
-    "triangles", "estimator", "option", "prior", "bodies", "constraints", "friction", "split", "cutoff", "rate",
-    "delay", "accept", "cross_validate", "bootstrap", "no_sensitivity", "report",
+    "triangles", "estimator", "option", "prior", "friction", "split", "cutoff", "rate", "delay", "accept",
+    "cross_validate", "bootstrap", "no_sensitivity", "report",
 )  # fmt: skip
 
 #: Options of 'export' that are for plans and models.
@@ -36,7 +36,14 @@ def run(case: Case, options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.errors import BadOption
     from dynident.files import check_outputs
-    from dynident.results.actuator_text import all_warnings, headline, joint_lines, parameter_table
+    from dynident.results.actuator_text import (
+        all_warnings,
+        bodies_lines,
+        bodies_table,
+        headline,
+        joint_lines,
+        parameter_table,
+    )
 
     for name in _FOREIGN:
         if getattr(options, name):
@@ -58,6 +65,11 @@ def run(case: Case, options: argparse.Namespace) -> int:
         console.answer()
         console.answer_table(parameter_table(joint), joint.name)
         for line in joint_lines(joint):
+            console.answer(f"  {line}")
+    if found.bodies is not None:
+        console.answer()
+        console.answer_table(bodies_table(found.bodies), "bodies")
+        for line in bodies_lines(found.bodies):
             console.answer(f"  {line}")
     for warning in all_warnings(found.joints):
         console.answer(f"warning: {warning}")
@@ -165,7 +177,7 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     """
     from dynident.actuators.estimate import read_actuators
     from dynident.cli import console
-    from dynident.exports.actuator_files import actuator_file
+    from dynident.exports.actuator_files import actuator_file, body_remarks
     from dynident.exports.actuator_proof import simulated_differences
     from dynident.files import check_outputs, write_atomically
 
@@ -182,6 +194,8 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
         return 0
     if differences is not None:
         console.answer(_proof_line(differences))
+    for text in body_remarks(estimate, options.to):
+        console.remark(text, options.quiet)
     console.remark(f"{'would write' if options.check else 'wrote'} {options.output}", options.quiet)
     return 0
 

@@ -16,6 +16,7 @@ from defusedxml import ElementTree
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.parameters import PLACE
 from dynident.errors import BadOption, MissingDependency, UnknownChoice
+from dynident.exports.actuator_bodies import set_bodies, urdf_of
 
 #: Step of an exported MuJoCo model in s.
 TIMESTEP: Final = 5e-4
@@ -124,7 +125,9 @@ def mujoco_spec(estimate: ActuatorEstimate, kp: float) -> tuple[Any, Any]:
     except ImportError as error:
         raise MissingDependency("the MuJoCo model", "mujoco", "mujoco") from error
     engine: Any = mujoco  # without types of its own
-    spec = engine.MjSpec.from_file(_robot_path(estimate))
+    path = _robot_path(estimate)
+    spec = engine.MjSpec.from_file(path)
+    set_bodies(spec, estimate, path)
     spec.option.timestep = TIMESTEP
     spec.option.integrator = engine.mjtIntegrator.mjINT_IMPLICITFAST
     names = {joint.name for joint in estimate.joints}
@@ -201,9 +204,7 @@ def urdf_dynamics(estimate: ActuatorEstimate, kp: float) -> str:
     path = _robot_path(estimate)
     if not path.lower().endswith(".urdf"):
         raise BadOption("to", "urdf", f"the robot model of the identification is {path}, no URDF")
-    tree = ElementTree.parse(path)
-    root = tree.getroot()
-    assert root is not None
+    root = ElementTree.fromstring(urdf_of(estimate, path))
     rows = _rows(estimate, kp)
     for joint in root.iter("joint"):
         one = rows.get(joint.get("name", ""))
@@ -239,6 +240,17 @@ TARGETS: Final[Mapping[str, Callable[[ActuatorEstimate, float], str]]] = {
     "urdf": urdf_dynamics,
     "c_header": c_header,
 }
+
+#: Those that hold the bodies too.
+_WITH_BODIES: Final = (mujoco_model, urdf_dynamics)
+
+
+def body_remarks(estimate: ActuatorEstimate, target: str) -> list[str]:
+    """Return what has to be said of bodies that were found where a target has none."""
+    if estimate.bodies is None or TARGETS.get(target) in _WITH_BODIES:
+        return []
+    names = " or ".join(name for name, write in TARGETS.items() if write in _WITH_BODIES)
+    return [f"its torques belong to the bodies that were found: export those with --to {names}"]
 
 
 def actuator_file(estimate: ActuatorEstimate, target: str, options: Mapping[str, Any]) -> str:

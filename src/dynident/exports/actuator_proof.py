@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -15,10 +14,9 @@ from dynident.actuators.rollout import mean_error, record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.servo_motions import MOST_TURN, MotionFrame
 from dynident.arrays import Array
-from dynident.case.case import read_case
+from dynident.exports.actuator_bodies import robot_of
 from dynident.exports.actuator_files import TARGETS, gain_for, mujoco_model, mujoco_spec
 from dynident.model.robot import Robot
-from dynident.robot_files import read_robot
 
 #: Largest mean absolute difference in rad that counts as the same motion.
 TOLERANCE: Final = 3e-3
@@ -62,7 +60,7 @@ def mujoco_differences(estimate: ActuatorEstimate, kp: float) -> Mapping[str, fl
     engine, spec = mujoco_spec(estimate, kp)
     model: Any = spec.compile()
     model.opt.disableflags |= engine.mjtDisableBit.mjDSBL_CONTACT | engine.mjtDisableBit.mjDSBL_LIMIT
-    robot = _robot(estimate)
+    robot = robot_of(estimate)
     names = robot.joint_names
     if model.nv > len(names) or names != tuple(joint.name for joint in estimate.joints):
         return {}
@@ -86,14 +84,6 @@ def mujoco_differences(estimate: ActuatorEstimate, kp: float) -> Mapping[str, fl
             np.ones(len(q)), np.zeros(q.shape, dtype=bool), kp,
         ))  # fmt: skip
     return found
-
-
-def _robot(estimate: ActuatorEstimate) -> Robot:
-    """Return the robot of the identification: of its case where that is still there, else of its file."""
-    case = str(dict(estimate.provenance.get("case", {})).get("path", ""))
-    if case and Path(case).is_file():
-        return read_case(case).robot
-    return read_robot(str(dict(estimate.provenance["robot"])["path"]))
 
 
 def _middle(lower: float, upper: float) -> float:

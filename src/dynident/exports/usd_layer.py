@@ -94,7 +94,7 @@ def write_usd_layer(
     check_outputs((str(target),), (source.path,))
     subject, parts = identified(estimate, source), read_stage(source.path)
     placement = place(source.path, subject.model.robot, parts.inertias, parts.connections)
-    shares = shared(subject, placement, lump=False)
+    shares = shared(subject.model.robot, subject.bodies, placement, lump=False)
     composed = _layer_over(source.path)
     notes = list(shares.notes)
     for name, inertia in shares.inertias.items():

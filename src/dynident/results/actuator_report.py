@@ -9,9 +9,17 @@ import numpy as np
 
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.followed_log import FollowedJoint, friction_of
+from dynident.actuators.free_bodies import FreeBodies
 from dynident.actuators.parameters import PLACE
 from dynident.arrays import Array
-from dynident.results.actuator_text import headline, joint_lines, joint_warnings, parameter_table
+from dynident.results.actuator_text import (
+    bodies_lines,
+    bodies_table,
+    headline,
+    joint_lines,
+    joint_warnings,
+    parameter_table,
+)
 from dynident.results.figures.signals import line_chart
 from dynident.results.report.builder import ReportPart, build_page
 from dynident.results.report.sections.base import drawn
@@ -76,6 +84,8 @@ def actuator_page(estimate: ActuatorEstimate, runs: Sequence[FollowedJoint]) -> 
     for joint in estimate.joints:
         own = [run for run in runs if run.joint == joint.name]
         parts.append(ReportPart(f"joint-{joint.name}", joint.name, "actuators.html", _joint(joint, own)))
+    if estimate.bodies is not None:
+        parts.append(ReportPart("bodies", "Bodies", "actuators.html", _bodies(estimate.bodies)))
     lead = (headline(estimate).partition(": ")[2], f"{len({run.log for run in runs})} logs")
     return build_page("Actuators", estimate.robot, lead, parts)
 
@@ -91,6 +101,10 @@ def _errors(runs: Sequence[FollowedJoint]) -> dict[str, object]:
         "tables": [errors_table(runs)],
         "figures": [],
     }
+
+
+def _bodies(bodies: FreeBodies) -> dict[str, object]:
+    return {"lines": bodies_lines(bodies), "warnings": [], "tables": [bodies_table(bodies)], "figures": []}
 
 
 def _joint(joint: JointActuator, runs: Sequence[FollowedJoint]) -> dict[str, object]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
+from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
 from dynident.actuators.verdict import EXPERIMENTS, SCALE, lacks_scale, unit_of
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
@@ -14,23 +15,63 @@ from dynident.results.text import MISSING, Column, Table, format_number, format_
 
 def parameter_table(joint: JointActuator) -> Table:
     """Return the parameters of one joint with their intervals and labels."""
-    rows = []
+    rows, has_ratio = [], any(one.ratio is not None for one in joint.known)
     for one in joint.known:
         name = one.name.replace("_", " ")
         label = one.label if not one.together else f"{one.label}, only with {one.together.replace('_', ' ')}"
         half = MISSING if not np.isfinite(one.half_width) else format_number(one.half_width, 2)
         value = format_number(one.value, 4) if half == MISSING else format_value(one.value, one.half_width)[0]
-        rows.append((name, value, half, pretty_unit(unit_of(one.name)), label))
+        ratio = [MISSING if one.ratio is None else format_number(one.ratio, 2)] * has_ratio
+        rows.append((name, value, half, *ratio, pretty_unit(unit_of(one.name)), label))
     for one in joint.combinations:
-        rows.append((one.name, format_number(one.value, 4), MISSING, pretty_unit(one.unit), "known together"))
+        ratio = [MISSING] * has_ratio
+        rows.append((one.name, format_number(one.value, 4), MISSING, *ratio, pretty_unit(one.unit), "known together"))
     columns = (
         Column("parameter"),
         Column("value", numeric=True),
         Column("half width (95 %)", numeric=True),
+        *[Column("as a ratio", numeric=True)] * has_ratio,
         Column("unit"),
         Column("verdict"),
     )
     return Table(columns, tuple(rows))
+
+
+def bodies_table(bodies: FreeBodies) -> Table:
+    """Return mass and centre of mass of each link beside those of the robot model, with what the mass stands on."""
+    rows = []
+    for name, theta, nominal, deviations, labels in zip(
+        bodies.names, bodies.theta, bodies.nominal, bodies.deviations, bodies.labels, strict=True
+    ):
+        centres = [
+            ", ".join(f"{1e3 * value:.0f}" for value in own[6:9] / own[9]) if own[9] > 0 else MISSING
+            for own in (theta, nominal)
+        ]
+        half = NORMAL_95 * float(deviations[9])
+        cells = [format_value(float(theta[9]), half)[0], format_number(half, 2), format_number(float(nominal[9]), 3)]
+        rows.append((name, *cells, *centres, labels[9]))
+    columns = (
+        Column("link"),
+        Column("mass", "kg", numeric=True),
+        Column("half width (95 %)", "kg", numeric=True),
+        Column("robot model", "kg", numeric=True),
+        Column("centre of mass", "mm", numeric=True),
+        Column("robot model", "mm", numeric=True),
+        Column("mass is"),
+    )
+    return Table(columns, tuple(rows))
+
+
+def bodies_lines(bodies: FreeBodies) -> list[str]:
+    """Return what has to be said of bodies that were found beside the drives."""
+    half = 100.0 * NORMAL_95 * bodies.scale
+    if bodies.is_scaled:
+        return [f"one scale of all masses, torques and friction: from the logs with a payload, to {half:.2g} %"]
+    return [
+        "one scale of all masses, torques and friction is that of the robot model, which no log tells: half width "
+        f"{half:.2g} % where its masses are known to {100 * DEVIATION:g} %",
+        "as a ratio: half widths beside that scale; a known payload gives it (servo: payloads)",
+    ]
 
 
 def joint_lines(joint: JointActuator) -> list[str]:

@@ -36,10 +36,11 @@ def labels_of(estimate: Estimate) -> tuple[Label, ...]:
     if estimate.theta is None:
         return ()
     shares = estimate.run.data_share or [None] * len(estimate.base.verdicts)
-    return tuple(Label(_word(v, s), s) for v, s in zip(estimate.base.verdicts, shares, strict=True))
+    return tuple(Label(label_word(v, s), s) for v, s in zip(estimate.base.verdicts, shares, strict=True))
 
 
-def _word(verdict: str, share: float | None) -> str:
+def label_word(verdict: str, share: float | None) -> str:
+    """Return the word of a label from the verdict of the base parameters and the share of the data."""
     if verdict == IDENTIFIABLE:
         return IDENTIFIED if share is None or share >= MOSTLY_DATA else FROM_PRIOR
     if verdict == COMBINED:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
@@ -15,7 +15,7 @@ from dynident.exports.models.subject.drives import Drives
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription
 from dynident.exports.models.writing.mjcf_files import MjcfFiles
-from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared
+from dynident.exports.models.writing.placement import Placement, Shares, kept_notes, place, shared
 from dynident.exports.models.writing.urdf import joint_tags
 from dynident.exports.models.writing.xml_edit import ByteEdit, PlacedElement, added_child, without_attributes
 from dynident.exports.models.writing.xml_text import number, numbers, quaternion
@@ -80,11 +80,10 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
         DescriptionError: It is faulty or of another robot, or what was identified has no place of its own in it.
     """
     before = read_mjcf_model(source.path, source.data)
-    robot, tree = subject.model.robot, before.tree
-    placement = place(source.path, robot, tree.bodies, _joints(before, robot))
-    shares = shared(subject, placement, lump, tree.bodies.keys() - tree.sources.keys())
+    robot = subject.model.robot
+    placement, shares, bodies = own_bodies(before, robot, subject.bodies, lump)
     writer = _Writer(before)
-    for name, body in _bodies(before, shares.inertias).items():
+    for name, body in bodies.items():
         writer.inertial(name, body)
     tags, left = _tags(subject, drives, before)
     for name, values in tags.items():
@@ -104,6 +103,26 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
     if any(_changes(one.compiler, before) for one in before.tree.sources.values()):
         notes.append("all bodies state their inertia now: <compiler> had settings that change what is stated")
     return PatchedMjcf(texts, before, after, placement, tags, tuple(notes))
+
+
+def own_bodies(
+    model: MjcfModel, robot: Robot, bodies: Sequence[Inertia], lump: bool
+) -> tuple[Placement, Shares, dict[str, Inertia | None]]:
+    """Return where the bodies of an MJCF stand, what each gets, and what is written of them, about their links' frames.
+
+    Args:
+        model: The file.
+        robot: The robot that was identified.
+        bodies: Inertia of each of its links, about its frame.
+        lump: Whether bodies fixed to a moving one lose their inertia to it.
+
+    Raises:
+        DescriptionError: It is of another robot, or what was identified has no place of its own in it.
+    """
+    tree = model.tree
+    placement = place(model.document.path, robot, tree.bodies, _joints(model, robot))
+    shares = shared(robot, bodies, placement, lump, tree.bodies.keys() - tree.sources.keys())
+    return placement, shares, _bodies(model, shares.inertias)
 
 
 def _joints(model: MjcfModel, robot: Robot) -> list[Connection]:

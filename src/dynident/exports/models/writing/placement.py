@@ -9,7 +9,6 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import DescriptionError
-from dynident.exports.models.subject.identified import Identified
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Joint, Robot, rotation_about
 from dynident.robot_files.tree import Connection, some
@@ -143,7 +142,9 @@ class Shares:
     notes: tuple[str, ...]
 
 
-def shared(subject: Identified, placement: Placement, lump: bool, between: Collection[str] = ()) -> Shares:
+def shared(
+    robot: Robot, bodies: Sequence[Inertia], placement: Placement, lump: bool, between: Collection[str] = ()
+) -> Shares:
     """Share out the inertia of each link of the model.
 
     Links that are fixed to a moving one, or locked behind it, keep the inertia that the file states, and the moving
@@ -151,7 +152,8 @@ def shared(subject: Identified, placement: Placement, lump: bool, between: Colle
     move in the file and need a mass, keep the same part of theirs, half of the largest that leaves a possible body.
 
     Args:
-        subject: The identified model.
+        robot: The robot that was identified.
+        bodies: Identified inertia of each of its links, about its frame.
         placement: The links of the file on its links.
         lump: Whether fixed ones lose theirs in any case.
         between: Links that are no body of the file but stand between two joints of one; where the second is locked,
@@ -159,21 +161,21 @@ def shared(subject: Identified, placement: Placement, lump: bool, between: Colle
     """
     inertias: dict[str, Inertia | None] = {}
     notes: list[str] = []
-    for i, link in enumerate(subject.model.robot.links):
+    for i, link in enumerate(robot.links):
         here = [name for name in placement.on(i) if name not in between]
         owner = here[0] if here else link.name
         others = [name for name in here[1:] if _weighs(placement.bodies[name])]
         fixed = [name for name in others if not placement.placed[name].behind_lock]
         held = [name for name in others if placement.placed[name].behind_lock]
         kept = [name for name in others if name in held or not (lump or _is_none(placement.bodies[name]))]
-        rest = _less(subject.bodies[i], placement, kept, 1.0)
+        rest = _less(bodies[i], placement, kept, 1.0)
         scale = 1.0
-        if kept and not _has_room(rest, subject.bodies[i]):
+        if kept and not _has_room(rest, bodies[i]):
             kept, scale = held, 1.0
-            rest = _less(subject.bodies[i], placement, kept, scale)
-            while kept and not _has_room(rest, subject.bodies[i]):
+            rest = _less(bodies[i], placement, kept, scale)
+            while kept and not _has_room(rest, bodies[i]):
                 scale *= 0.5
-                rest = _less(subject.bodies[i], placement, kept, scale)
+                rest = _less(bodies[i], placement, kept, scale)
             for name in kept if scale < 1.0 else []:
                 inertias[name] = _scaled(placement.bodies[name], scale)
         at = placement.placed[owner]

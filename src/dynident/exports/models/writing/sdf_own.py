@@ -59,7 +59,7 @@ def patched_sdf(subject: Identified, drives: Drives, source: OwnDescription, lum
     """
     before = read_sdf_model(source.path, source.data)
     placement = place(source.path, subject.model.robot, before.bodies, before.connections)
-    shares = shared(subject, placement, lump)
+    shares = shared(subject.model.robot, subject.bodies, placement, lump)
     placed = _Own(source)
     edits: list[ByteEdit] = []
     for name, body in shares.inertias.items():

@@ -13,7 +13,7 @@ from dynident.errors import BadOption
 from dynident.exports.models.subject.drives import Drives
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription, anew_note
-from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared
+from dynident.exports.models.writing.placement import Placement, Shares, kept_notes, place, shared
 from dynident.exports.models.writing.xml_edit import (
     ByteEdit,
     PlacedElement,
@@ -91,15 +91,8 @@ def patched(subject: Identified, drives: Drives, source: OwnDescription, lump: b
     Raises:
         DescriptionError: It is faulty, in UTF-16, or of another robot.
     """
-    bodies, joints = read_urdf_bodies(source.path, source.data)
-    placement = place(source.path, subject.model.robot, bodies, joints)
-    shares = shared(subject, placement, lump)
+    edits, placement, shares = _body_edits(source.path, source.data, subject.model.robot, subject.bodies, lump)
     root = elements(source.path, source.data)
-    edits: list[ByteEdit] = []
-    for link in root.all("link"):
-        name = link.attributes["name"]
-        if name in shares.inertias:
-            edits += _inertial(source.data, link, shares.inertias[name])
     tags = joint_tags(subject, drives)
     for joint in root.all("joint"):
         if joint.attributes["name"] in tags:
@@ -107,6 +100,34 @@ def patched(subject: Identified, drives: Drives, source: OwnDescription, lump: b
     left = [name for name in subject.model.robot.joint_names if name not in tags]
     notes = kept_notes(shares, placement, left)
     return Patched(apply(source.data, edits), placement, tuple(notes))
+
+
+def urdf_with_bodies(path: object, data: bytes, robot: Robot, bodies: Sequence[Inertia]) -> bytes:
+    """Return a URDF with other inertias, every other byte as it was.
+
+    Args:
+        path: The file.
+        data: Its bytes.
+        robot: The robot that was identified.
+        bodies: Inertia of each of its links, about its frame.
+
+    Raises:
+        DescriptionError: It is faulty, in UTF-16, or of another robot.
+    """
+    return apply(data, _body_edits(path, data, robot, bodies, lump=False)[0])
+
+
+def _body_edits(
+    path: object, data: bytes, robot: Robot, bodies: Sequence[Inertia], lump: bool
+) -> tuple[list[ByteEdit], Placement, Shares]:
+    """Return the edits that give the links of a URDF other inertias, where they stand, and what each gets."""
+    placement = place(path, robot, *read_urdf_bodies(path, data))
+    shares, edits = shared(robot, bodies, placement, lump), list[ByteEdit]()
+    for link in elements(path, data).all("link"):
+        name = link.attributes["name"]
+        if name in shares.inertias:
+            edits += _inertial(data, link, shares.inertias[name])
+    return edits, placement, shares
 
 
 def joint_tags(subject: Identified, drives: Drives) -> Mapping[str, tuple[float, float]]:
