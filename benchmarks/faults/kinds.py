@@ -162,7 +162,7 @@ KINDS = (
     ),
     Kind(
         "gear ratio forgotten",
-        ("torque scale",),
+        ("torque scale", "scale not determined"),
         lambda c, s, g: put.scaled(c, 1 / 50 - 1, int(s)),
         fixed=(1, 2, 3),
         joint=lambda c, s: int(s),

@@ -20,6 +20,9 @@ MULTIPLES = (1.0, 2.0, 4.0)
 #: A finding that the clean log has as well counts where a figure of it moved by this share.
 MOVED = 0.2
 
+#: What is right of a torque whose scale no log of this robot and motion tells, the clean one among them.
+OPEN = "scale not determined"
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -41,12 +44,15 @@ def strengths(kind: Kind, trial: Trial, against: Reference, folder: Path) -> tup
 
 
 def named(kind: Kind, joint: str, found: tuple[Finding, ...], clean: tuple[Finding, ...]) -> bool:
-    """Return whether a finding names the fault, at its joint, that the clean log does not have, or not so strongly."""
+    """Return whether a finding names the fault, at its joint, that the clean log does not have, or not so strongly.
+
+    That a scale cannot be determined holds of the clean log as well.
+    """
     known = {(finding.name, finding.joint): finding for finding in clean}
     return any(
         finding.name in kind.right
         and (not joint or joint in finding.joint.split(", "))
-        and _is_new(finding, known.get((finding.name, finding.joint)))
+        and (finding.name == OPEN or _is_new(finding, known.get((finding.name, finding.joint))))
         for finding in found
     )
 
