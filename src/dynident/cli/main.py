@@ -32,8 +32,8 @@ COMMANDS = (
 BLAS_VARIABLES = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 
 #: Objects made beyond those freed before cycles are looked for. Python's 700 looks 160 times while the modules of an
-#: identification load, which are no garbage: 6 % of its time.
-COLLECT_AFTER = 50_000
+#: identification load, which are no garbage: 6 % of its time. They are some 100 000.
+COLLECT_AFTER = 200_000
 
 _MODULES = {"list": "list_parts"}
 
@@ -248,7 +248,9 @@ def entry_point() -> None:
     one_blas_thread_unless_stated(os.environ)
     gc.set_threshold(COLLECT_AFTER)
     escape_unknown_characters(sys.stdout)
-    sys.exit(main())
+    code = main()
+    gc.freeze()  # the memory goes with the process: no search for cycles among all that is left
+    sys.exit(code)
 
 
 def escape_unknown_characters(stream: TextIO | None) -> None:

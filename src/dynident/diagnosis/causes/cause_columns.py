@@ -96,9 +96,10 @@ class SharedColumns:
         size, places = int(kept.sum()), np.cumsum(kept) - 1
         total, count = size + sum(map(len, causes)), rows.target.shape[1]
         products, whole, joints = np.zeros((count, total + 1, total + 1)), np.zeros(count), []
+        standing = np.concatenate([np.zeros((0, count), bool), *(cause.any(axis=1) for cause in causes)])
         for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
             mine, added = kept[own], [column for cause in causes for column in cause[:, :, i]]
-            there = np.array([bool(column.any()) for column in added], bool)
+            there = standing[:, i]
             every = [*block.T[mine], *(column for column, is_there in zip(added, there, strict=True) if is_there)]
             columns = np.where(rows.masks[:, i], np.stack([*every, rows.target[:, i]]), 0.0)
             numbers = np.concatenate([places[own[mine]], size + np.flatnonzero(there), [total]])

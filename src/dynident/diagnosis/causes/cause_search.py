@@ -36,8 +36,9 @@ CLOSE, RIVALS = 6.0, 2
 #: Causes that are taken in at most, and rounds of taking in and judging again.
 MOST, ROUNDS = 8, 3
 
-#: Candidates of a round that are fitted with weights of their own.
-FITTED = 6
+#: Candidates of a round that are fitted with weights of their own at most, and those that are fitted before others,
+#: which are where they can come near the best of these.
+FITTED, FIRST = 6, 2
 
 #: Degrees of freedom that pass for infinitely many.
 MANY = 1e6
@@ -239,18 +240,24 @@ class CauseSearch:
                 found[step[0]] = step[2]
         return self._pair(chosen)
 
-    def candidates(self, before: Solved, chosen: Sequence[int]) -> list[int]:
-        """Return the causes that are worth a fit, by their numbers."""
+    def candidates(self, before: Solved, chosen: Sequence[int]) -> dict[int, float]:
+        """Return the causes that are worth a fit, by their numbers, the most promising first, with their merit at most.
+
+        Twice the straight line of a cause is beyond the logarithm of the squares that it takes off.
+        """
         rest = self._left(chosen)
         alone = self.falls(before, chosen, [(k,) for k in rest]) / self.rows.oversampling
-        falls = dict(zip(rest, alone.tolist(), strict=True))
         rows = float(np.log(self.rows.counts.sum() / self.rows.oversampling))
-        merits = {k: self.causes[k].likelier * (own - len(self._places[k]) * rows) for k, own in falls.items()}
-        best = sorted(rest, key=lambda k: -merits[k])
-        return list(islice((k for k in best if self._may_be_sure(falls[k], len(self.causes), k)), FITTED))
+        falls = dict(zip(rest, alone.tolist(), strict=True))
+        merits, most = (
+            {k: self.causes[k].likelier * (own * line - len(self._places[k]) * rows) for k, own in falls.items()}
+            for line in (1.0, 2.0)
+        )
+        best = (k for k in sorted(rest, key=lambda k: -merits[k]) if self._may_be_sure(falls[k], len(self.causes), k))
+        return {k: most[k] for k in islice(best, FITTED)}
 
     def _may_be_sure(self, ratio: float, tried: int, k: int) -> bool:
-        """Return whether a cause may be sure in a fit of its own; twice its straight line is beyond the logarithm."""
+        """Return whether a cause may be sure in a fit of its own, by what its straight line is at most."""
         return bool(tried * chi_square_tail(2.0 * ratio, self.causes[k].told) < CHANCE)
 
     def _left(self, chosen: Sequence[int]) -> list[int]:
@@ -291,13 +298,16 @@ class CauseSearch:
 
     def _next(self, before: Solved, chosen: list[int]) -> tuple[int, Solved, Blame] | None:
         sure: list[tuple[float, int, Solved, tuple[Array, float]]] = []
-        tried = self.candidates(before, chosen)
-        for k, counted in zip(tried, self.worths([(*chosen, k) for k in tried]), strict=True):
-            after, columns = self.fit([*chosen, k]), self.causes[k].told
-            ratio = _ratio(before, after, counted[0])
-            if len(self.causes) * chi_square_tail(ratio, columns) < CHANCE:
-                merit = self.causes[k].likelier * (ratio - columns * float(np.log(counted[0].sum())))
-                sure.append((merit, k, after, counted))
+        promising = list(self.candidates(before, chosen).items())
+        for part in (promising[:FIRST], promising[FIRST:]):
+            least = max((merit for merit, *_ in sure), default=-np.inf) - CLOSE
+            tried = [k for k, most in part if most > least]
+            for k, counted in zip(tried, self.worths([(*chosen, k) for k in tried]), strict=True):
+                after, columns = self.fit([*chosen, k]), self.causes[k].told
+                ratio = _ratio(before, after, counted[0])
+                if len(self.causes) * chi_square_tail(ratio, columns) < CHANCE:
+                    merit = self.causes[k].likelier * (ratio - columns * float(np.log(counted[0].sum())))
+                    sure.append((merit, k, after, counted))
         if not sure:
             return None
         (best, k, after, counted), *others = sorted(sure, key=lambda each: -each[0])

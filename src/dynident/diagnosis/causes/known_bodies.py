@@ -332,8 +332,8 @@ class Anchored(CauseSearch):
     def judged_again(self, chosen: list[int], found: dict[int, Blame]) -> list[int]:
         return []  # each fit looks for the errors of the bodies, which takes long
 
-    def candidates(self, before: Solved, chosen: Sequence[int]) -> list[int]:
-        return [k for k in range(len(self.causes)) if k not in chosen]  # errors of the bodies may hide any of them
+    def candidates(self, before: Solved, chosen: Sequence[int]) -> dict[int, float]:
+        return dict.fromkeys(self._left(chosen), np.inf)  # errors of the bodies may hide any of them
 
 
 def _turn(grams: Array, sides: Array, slot: IntArray, turn: Array) -> None:

@@ -11,7 +11,7 @@ from typing import ClassVar
 from dynident.case.case import Case
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, base_of, beyond_quick_fit, quick_fit
-from dynident.diagnosis.causes.torque_scales import JointScale, joint_scales
+from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, other_scales
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import Recording
@@ -48,6 +48,11 @@ class CheckedLog:
     def scales(self) -> tuple[JointScale, ...]:
         """The scale of each joint's torque against the others; nothing where there is no fit."""
         return () if self.fit is None else joint_scales(self.fit)
+
+    @cached_property
+    def sure_scale(self) -> JointScale | None:
+        """The likeliest scale that is another one for sure; None where none is."""
+        return next((scale for scale in other_scales(self.scales) if self.fit and is_sure(self.fit, scale)), None)
 
     @cached_property
     def delay(self) -> Delay | None:

@@ -25,7 +25,7 @@ from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, 
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import RobotMisfit, robot_misfit
-from dynident.diagnosis.causes.torque_scales import is_sure, other_scales, reading_of
+from dynident.diagnosis.causes.torque_scales import reading_of
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
@@ -55,20 +55,20 @@ class Readings(Check):
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [_all_signs(subject, share, z, fit)]
         found = _confirmed(fit, feeds, POOR)
-        scales = [scale for scale in other_scales(subject.scales) if is_sure(fit, scale)][:1]
-        if found and scales and scales[0].gain > found[0][1].gain:
+        scale = subject.sure_scale
+        if found and scale and scale.gain > found[0][1].gain:
             found = []  # one torque of another unit upsets the others: that check tells it
         if found:
             misfit = robot_misfit(fit, found[0][1].reading)
-        elif scales:
-            misfit = robot_misfit(fit, reading_of(fit, scales[0]))
+        elif scale:
+            misfit = robot_misfit(fit, reading_of(fit, scale))
         else:
             trends = subject.trends
             misfit = robot_misfit(fit) if trends is None else robot_misfit(trends.fit, known=trends.blames)
             if misfit.is_sure or misfit.is_suspected:  # positions of a joint that other columns explain in part
                 found = _confirmed(fit, feeds, POOR_OF_ANOTHER)
                 misfit = robot_misfit(fit, found[0][1].reading) if found else misfit
-        if misfit.is_sure or ((found or scales) and misfit.is_suspected):
+        if misfit.is_sure or ((found or scale) and misfit.is_suspected):
             return [_another_robot(misfit, fit, "error")]
         if found:
             return [_reading_finding(found)]

@@ -12,7 +12,7 @@ from dynident.arrays import Array
 from dynident.case.evidence.torques import EXPLAINED, agrees, scale_against
 from dynident.diagnosis.causes.column_readings import variance_falls
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, other_scales
+from dynident.diagnosis.causes.torque_scales import JointScale, other_scales
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 from dynident.identification.problem.regressor_stream import motion_of
@@ -32,12 +32,12 @@ class TorqueScale(Check):
         fit = subject.fit
         if fit is None:
             return []
-        return [*_one_joint(fit, subject.scales), *_open_scales(fit, subject.scales), *_all_joints(fit)]
+        return [*_one_joint(subject), *_open_scales(fit, subject.scales), *_all_joints(fit)]
 
 
-def _one_joint(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
+def _one_joint(subject: CheckedLog) -> list[Finding]:
     """Return the joint whose torque fits the others best with another scale, and those that explain it as well."""
-    found = other_scales(scales)
+    found = other_scales(subject.scales)
     if not found:
         return []
     best = found[0]
@@ -50,7 +50,7 @@ def _one_joint(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
         "kinematic coupling of the drives (coupling)"
     )
     numbers = {"factor": best.factor, "low": best.low, "high": best.high, "gain": best.gain}
-    sure = is_sure(fit, best)
+    sure = best is subject.sure_scale
     severity: Severity = "error" if sure else "warning"
     explains = tuple(name for name in CONSEQUENCES if name != "torque scale") if sure else ()
     joints = listed([each.joint for each in found])
