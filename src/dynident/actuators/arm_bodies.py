@@ -240,18 +240,19 @@ class _Solved:
         return np.asarray(base.matrix @ covariance @ base.matrix.T)
 
 
-def stated_bodies(robot: Robot, setup: ServoSetup) -> tuple[Array, Constraints]:
-    """Return the bodies of a robot model, shape (l, 10), and the bounds of plausible ones.
+def stated_bodies(robot: Robot, setup: ServoSetup) -> tuple[Array, Array, Constraints]:
+    """Return the bodies of a robot model, uniform ones that fill its links, each (l, 10), and the plausible bounds.
 
     Raises:
         NotConsistent: A link states no inertia that a body has.
     """
     whole = plausible_constraints(robot, setup.constraints)
-    bodies, _, without = nominal_bodies(robot, whole, None)
+    filling = np.array([uniform_body(whole.links[link.name]).vector for link in robot.links])
+    bodies, _, without = nominal_bodies(robot, filling, None)
     if without:
         step = "state mass, centre and inertia of every link: what the logs do not tell stays there"
         raise NotConsistent(f"robot '{robot.name}'", f"no possible inertia of {', '.join(without)}", step)
-    return bodies, whole
+    return bodies, filling, whole
 
 
 class _Prior:
@@ -267,12 +268,11 @@ class _Prior:
 
     def __init__(self, robot: Robot, setup: ServoSetup, arm: Arm) -> None:
         model, still = DynamicModel(robot), np.zeros(robot.dof)
-        bodies, whole = stated_bodies(robot, setup)
+        bodies, filling, whole = stated_bodies(robot, setup)
         self.base, self.names = base_parameters(model), tuple(link.name for link in robot.links)
         sizes = natural_scale(model, still, still)
         bounds, size = whole if setup.bodies == "plausible" else setup.constraints, len(model.parameters)
         rules = conditions_of(model, sizes, MARGIN, bounds)
-        filling = np.array([uniform_body(whole.links[name]).vector for name in self.names])
         self.nominal, self.sizes = fitting_bodies(bodies, filling, rules, sizes)[0], sizes.parameters
         start, none = self.nominal.ravel() / self.sizes, np.zeros((0, size))
         self.program = Program(none, np.zeros(0), none, np.zeros(0), 0.0, np.zeros((0, 4, 4)), rules, start)
