@@ -243,13 +243,18 @@ def test_no_delay_is_found_where_friction_is_chosen_and_none_is_there(spatial_3r
     assert errors[0] < 1.02 * errors[1]
 
 
-def test_rows_are_shared_by_logs_of_the_same_rows_alone(spatial_3r: Robot, exact_log: MakeLog) -> None:
-    """A delay and its opposite leave out as many rows, at the other end."""
-    model = DynamicModel(spatial_3r, (Viscous(),))
-    assert spatial_3r.nominal is not None
-    log = preprocess(exact_log(model, np.append(spatial_3r.nominal, np.ones(3))), replace(GIVEN, trim_s=0.0))
-    shared = column_pool.SharedRows([log])
+def test_rows_of_a_log_serve_it_under_any_delay(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """A delay and its opposite leave out as many rows, at the other end; the torque moves, the rows stay."""
+    parts = (Coulomb(), Viscous())
+    model = DynamicModel(spatial_3r, parts)
+    values = with_friction(model, np.tile([3.0, 1.5], 3))
+    log = preprocess(exact_log(model, values, noise=0.1), replace(GIVEN, trim_s=0.0))
+    shared = column_pool.SharedRows(spatial_3r, [log])
     later, earlier, again = (shared.under([replace(log, delay_s=d)]) for d in (0.05, -0.05, 0.052))
     assert len(later[0].keep) == len(earlier[0].keep) < len(log.keep)
     assert not np.array_equal(later[0].keep, earlier[0].keep) and np.array_equal(later[0].keep, again[0].keep)
-    assert shared.made(later) is shared.made(again) is not shared.made(earlier)
+    for logs in (later, earlier):
+        pools = [PooledLogs(model, logs, 4, None, True, (1.0, 0.0), rows).pool(parts) for rows in (shared, None)]
+        for one, other in zip(*(pool.by_delay(pool.weighted(np.ones(3))) for pool in pools), strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+    assert len(shared.friction[parts[0]]) == 1

@@ -15,7 +15,7 @@ from dynident.errors import LogMismatch
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.identification.selection.delay import find_delays
-from dynident.identification.selection.friction.column_pool import PartCandidate
+from dynident.identification.selection.friction.column_pool import PartCandidate, SharedRows
 from dynident.identification.selection.friction.held_out_fields import predicts_better
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
@@ -142,7 +142,9 @@ def test_a_list_that_won_says_what_the_other_one_with_presliding_did(
     log = logged(planar_2r, exact_motion, truth, [1.0, 1.0, 3.0 * is_there, 0.6, 0.5, 2.0 * is_there], 0, 3)
     own = preprocess(log, replace(HOW, delay_s=0.0))
     tried = DynamicModel(planar_2r, (*truth[:2], Presliding(0.01, choose=("part",))))
-    better, (told,) = predicts_better(tried, [own], DynamicModel(planar_2r, truth[:2]), [own])
+    better, (told,) = predicts_better(
+        tried, [own], DynamicModel(planar_2r, truth[:2]), [own], SharedRows(planar_2r, [own])
+    )
     assert better is is_there and told.value == float(is_there) and (told.part, told.field) == ("presliding", WHOLE)
     assert told.gain > 0.5 if is_there else told.gain < 5e-3
     assert told.error is not None and told.error > 0.0

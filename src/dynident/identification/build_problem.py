@@ -17,7 +17,7 @@ from dynident.identification.problem.choices import Choices, DelayRecord, FieldC
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
-from dynident.identification.selection.friction.column_pool import SharedRows
+from dynident.identification.selection.friction.column_pool import ROWS, SharedRows
 from dynident.identification.selection.friction.held_out_fields import choose_fields, predicts_better
 from dynident.identification.selection.friction.load import problem_of, without_load
 from dynident.identification.selection.friction.variable_projection import (
@@ -84,7 +84,7 @@ def build_problem(
     prepared, delays = _with_delays(without_optional(model), plain, progress)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
-        shared = SharedRows(plain)
+        shared = SharedRows(model.robot, [log.sparser(ROWS) for log in plain])
         tries = partial(choose_fields, progress=progress, finest=finest, shared=shared)
         model, prepared, choices = _with_chosen_fields(model, plain, (prepared, choices), progress, tries, shared)
     if has_varying(model):

@@ -20,7 +20,7 @@ from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.data.preprocessing._local_polynomials import fractional_shift
 from dynident.identification.problem.problem import counting_rows
-from dynident.identification.problem.regressor_stream import RegressorStream, RowSegment
+from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.nested_fits import NestedFits, fit
 from dynident.model.base_parameters import BaseParameters, base_parameters
@@ -34,8 +34,9 @@ ROWS = 8.0
 #: Bytes that rows of friction columns may take between two pools.
 KEPT = 2**28
 
-#: Rows of the columns of a friction part in a log, by segment and joint.
-FrictionRows: TypeAlias = list[list[Array]]
+#: Rows of the columns of a friction part in a log, by joint, and rows of which products are made at a time at most.
+FrictionRows: TypeAlias = list[Array]
+PIECE = 1 << 16
 
 #: Share of a joint's rows that are not among its fastest.
 FASTEST = 0.8
@@ -116,7 +117,8 @@ class ColumnPool:
 
     def by_delay(self, products: Array) -> tuple[Array, ...]:
         """Return products of all columns (..., e, e) once for each delay, shape (..., c + 1, c + 1)."""
-        return tuple(products[..., own[:, None], own] for own in self.views)
+        views = self.views
+        return (products,) if len(views) == 1 else tuple(products[..., own[:, None], own] for own in views)
 
     def chosen(self, sets: Sequence[Sequence[int]]) -> IntArray:
         """Return the columns of a model whose drive j has the parts ``sets[j]``."""
@@ -165,7 +167,7 @@ class PooledLogs:
         load: Standard inertial parameters (10 l,) whose torque loads the drives; None where no part asks.
         delay_is_free: Whether the delay of the torque is free.
         shares: Shares of the delay of each log that are compared where it is free, that of the logs as they are first.
-        made: Rows of friction parts of the same logs and load, as earlier pools have left them there.
+        shared: Rows of the same logs and load, as earlier pools have left them there.
     """
 
     def __init__(
@@ -176,46 +178,34 @@ class PooledLogs:
         load: Array | None = None,
         delay_is_free: bool = False,
         shares: Sequence[float] = (1.0,),
-        made: dict[Friction, list[FrictionRows]] | None = None,
+        shared: SharedRows | None = None,
     ) -> None:
         self._robot, self._delay_is_free, self._shares = model.robot, delay_is_free, shares if delay_is_free else (1.0,)
-        bare = DynamicModel(model.robot)
-        self._rigid = base_parameters(bare)
+        self._shared = SharedRows(model.robot, logs) if shared is None else shared
+        self._rigid = self._shared.bodies.base
         self._start = None if load is None else self._rigid.from_standard(load)
-        self._bodies = RegressorStream(bare, self._rigid)
-        self._made = {} if made is None else made
+        self._places = self._shared.places(logs)
         speeds = [np.abs(np.asarray(log.log.dq)[log.keep]) for log in logs]
         limits = np.quantile(np.concatenate(speeds), FASTEST, axis=0)
-        total = sum(len(log.keep) for log in logs)
-        self._logs = [
-            _PooledLog(
-                log,
-                _blocks_of(log, mask, max(1, round(blocks * len(log.keep) / total))),
-                mask,
-                own > limits,
-                self._shared_rows(log),
-            )
-            for log, own in zip(logs, speeds, strict=True)
-            for mask in [counting_rows(bare, log)]
-        ]
+        total, self._logs = sum(len(log.keep) for log in logs), list[_PooledLog]()
+        for k, (log, place) in enumerate(zip(logs, self._places, strict=True)):
+            mask = counting_rows(self._shared.bodies.model, log)
+            block = _blocks_of(log, mask, max(1, round(blocks * len(log.keep) / total)))
+            plain = np.asarray(self._shared.plain[k].log.torque)[log.keep]
+            rows = self._shared_rows(log, plain, [each[:, place] for each in self._shared.rows[k]])
+            self._logs.append(_PooledLog(block, mask, speeds[k] > limits, rows))
 
-    def _shared_rows(self, log: Prepared) -> list[RowSegment]:
-        """Return the rows of the columns that every fit has, and of the torque."""
-        if not self._delay_is_free:
-            return list(self._bodies.segments(log))
-        torque = np.asarray(log.log.torque)
-        slopes = -np.gradient(torque, 1.0 / log.log.rate, axis=0)  # by a delay
-        lags = [(1.0 - share) * log.delay_s * log.log.rate for share in self._shares]
-        each = [[fractional_shift(signal, lag, log.keep) for signal in (slopes, torque)] for lag in lags]
-
-        def rows_of(part: slice, i: int, rows: Array) -> Array:
-            known = rows[-1] - torque[log.keep][part, i]  # less what is known of the torque
-            return np.vstack([rows[:-1], *((slope[part, i], own[part, i] + known) for slope, own in each)])
-
-        return [
-            (part, tuple(rows_of(part, i, rows) for i, rows in enumerate(segment)))
-            for part, segment in self._bodies.segments(log)
-        ]
+    def _shared_rows(self, log: Prepared, plain: Array, bodies: Sequence[Array]) -> list[Array]:
+        """Return the rows of each joint that every fit has, and its torque; of ``bodies`` they are under ``plain``."""
+        torque, rate = np.asarray(log.log.torque), log.log.rate
+        each = [[torque[log.keep]]]
+        if self._delay_is_free:
+            slopes = -np.gradient(torque, 1.0 / rate, axis=0)  # by a delay
+            lags = [(1.0 - share) * log.delay_s * rate for share in self._shares]
+            each = [[fractional_shift(signal, lag, log.keep) for signal in (slopes, torque)] for lag in lags]
+        known = np.stack([rows[-1] for rows in bodies], axis=1) - plain  # of the torque: it is taken off
+        signals = [signal for *slope, own in each for signal in (*slope, own + known)]
+        return [np.vstack([rows[:-1], *(signal[:, i] for signal in signals)]) for i, rows in enumerate(bodies)]
 
     def pool(self, parts: Sequence[Friction]) -> ColumnPool:
         """Return the products with the columns of all candidate parts on all drives; several may be of a kind."""
@@ -233,7 +223,7 @@ class PooledLogs:
                 np.concatenate([own, [rigid.count] * later, behind]).astype(np.int64),
                 np.concatenate([behind[:0], *(each[j] for each in columns for j in np.flatnonzero(row))]),
             )
-            for own, row in zip(self._bodies.columns, np.asarray(self._robot.coupling).T, strict=True)
+            for own, row in zip(self._shared.bodies.columns, np.asarray(self._robot.coupling).T, strict=True)
         ]
         made = self._rows_of(parts)
         signs = [rigid.parameters[k].nonnegative for k in rigid.independent] + [False] * later
@@ -258,23 +248,23 @@ class PooledLogs:
 
     def _rows_of(self, parts: Sequence[Friction]) -> list[list[FrictionRows]]:
         """Return the rows of each part in each log; those of earlier pools stay as long as all take little."""
-        asked, made = [replace(part, choose=None, vary=None) for part in parts], self._made
+        asked, made = [replace(part, choose=None, vary=None) for part in parts], self._shared.friction
         if missing := [part for part in dict.fromkeys(asked) if part not in made]:
             whole = _labelled(self._robot, missing)
             stream, places = self._stream(whole), [np.concatenate(own) for own in _by_drive(whole)]
             columns = [own - self._rigid.count for own in stream.columns]
             split = [[np.flatnonzero(np.isin(each, own)) for each in columns] for own in places]
             made |= {part: [] for part in missing}
-            for log in self._logs:
-                segments = [blocks for _, blocks in stream.segments(log.log)]
+            for log in self._shared.plain:
+                blocks = stream.rows(log)
                 for part, each in zip(missing, split, strict=True):
-                    rows = [[block[own] for block, own in zip(blocks, each, strict=True)] for blocks in segments]
-                    made[part].append(rows)
-            size = sum(one.nbytes for own in made.values() for log in own for each in log for one in each)
+                    made[part].append([block[own] for block, own in zip(blocks, each, strict=True)])
+            size = sum(one.nbytes for own in made.values() for log in own for one in log)
             for part in list(itertools.filterfalse(set(asked).__contains__, made)):
                 if size > KEPT:
-                    size -= sum(one.nbytes for log in made.pop(part) for each in log for one in each)
-        return [made[part] for part in asked]
+                    size -= sum(one.nbytes for log in made.pop(part) for one in log)
+        logs = [zip(made[part], self._places, strict=True) for part in asked]
+        return [[[rows[:, place] for rows in own] for own, place in each] for each in logs]
 
     def _stream(self, whole: DynamicModel) -> RegressorStream:
         """Return what makes the rows of the friction of a model."""
@@ -293,28 +283,38 @@ class SharedRows:
     """Rows of logs whose delays differ from choice to choice: the torque moves against the motion, whose rows stay.
 
     The load of the drives is that of the first choice.
+
+    Attributes:
+        plain: The logs as they came.
+        friction: Their rows of friction parts, as choices have left them.
     """
 
-    def __init__(self, plain: Sequence[Prepared]) -> None:
-        self._plain = [log.sparser(ROWS) for log in plain]
-        self._made: dict[tuple[tuple[int, int], ...], dict[Friction, list[FrictionRows]]] = {}
+    def __init__(self, robot: Robot, plain: Sequence[Prepared]) -> None:
+        bare = DynamicModel(robot)
+        self.bodies, self.plain = RegressorStream(bare, base_parameters(bare)), tuple(plain)
+        self.friction: dict[Friction, list[FrictionRows]] = {}
         self._load: Array | None = None
+
+    @cached_property
+    def rows(self) -> list[tuple[Array, ...]]:
+        """Rows of the bodies and the torque in each log, of each joint."""
+        return [self.bodies.rows(log) for log in self.plain]
 
     def under(self, logs: Sequence[Prepared]) -> list[Prepared]:
         """Return the logs with the delays of preprocessed ones."""
-        pairs = zip(self._plain, logs, strict=True)
+        pairs = zip(self.plain, logs, strict=True)
         return [plain.with_earlier_torque(log.delay_s - plain.delay_s) for plain, log in pairs]
+
+    def places(self, logs: Sequence[Prepared]) -> list[slice]:
+        """Return which rows those of the logs under delays are, which leave some out at one of the ends."""
+        starts = [int(np.searchsorted(plain.keep, log.keep[0])) for plain, log in zip(self.plain, logs, strict=True)]
+        return [slice(start, start + len(log.keep)) for start, log in zip(starts, logs, strict=True)]
 
     def load(self, model: DynamicModel, logs: Sequence[Prepared]) -> Array:
         """Return the standard parameters (10 l,) whose torque loads the drives."""
         if self._load is None:
             self._load = default_load(model, logs)
         return self._load
-
-    def made(self, logs: Sequence[Prepared]) -> dict[Friction, list[FrictionRows]]:
-        """Return the rows of friction parts that choices have left for logs under their delays."""
-        ends = tuple((int(log.keep[0]), int(log.keep[-1])) for log in logs)  # a delay leaves rows out at one of them
-        return self._made.setdefault(ends, {})
 
 
 def _labelled(robot: Robot, parts: Sequence[Friction]) -> DynamicModel:
@@ -337,40 +337,41 @@ class _PooledLog:
     """A log with the rows that every pool has.
 
     Attributes:
-        log: The log.
         block: Block of each kept row, -1 for none, shape (N,).
         mask: Which of the rows count for each joint, shape (N, n).
         fast: In which of them a joint is among the fastest of its own, shape (N, n).
-        segments: The rows of the shared columns and the torque.
+        shared: The rows of the shared columns and the torque, of each joint.
     """
 
-    log: Prepared
     block: IntArray
     mask: BoolArray
     fast: BoolArray
-    segments: list[RowSegment]
+    shared: list[Array]
 
     @cached_property
     def rows(self) -> IntArray:
         """Rows of each joint in each block, shape (B, n)."""
         return np.stack([np.sum((self.block == b)[:, None] & self.mask, axis=0) for b in range(self.block.max() + 1)])
 
+    @cached_property
+    def _pieces(self) -> list[tuple[int, slice]]:
+        """Rows that follow each other, and their block."""
+        runs = [np.flatnonzero(self.block == b) for b in range(len(self.rows))]
+        ends = [[*run[::PIECE].tolist(), int(run[-1]) + 1] if len(run) else [] for run in runs]
+        return [(b, slice(*pair)) for b, own in enumerate(ends) for pair in itertools.pairwise(own)]
+
     def add(self, friction: Sequence[FrictionRows], products: Sequence[Array], fast: Sequence[Array]) -> None:
         """Add the products of each block at each joint (B, k_i, k_i), and those of the fastest rows (1, k_i, k_i).
 
-        ``friction`` are the rows of each friction part in the same segments.
+        ``friction`` are the rows of each friction part.
         """
-        for k, (part, shared) in enumerate(self.segments):
-            block = self.block[part]
-            runs = [(b, np.flatnonzero(block == b)) for b in range(len(self.rows))]
+        for b, piece in self._pieces:
             for i, (found, quick) in enumerate(zip(products, fast, strict=True)):
-                counted = (block >= 0) & self.mask[part, i]
-                values = np.vstack([shared[i], *(rows[k][i] for rows in friction)])
+                counted = self.mask[piece, i]
+                values = np.vstack([self.shared[i][:, piece], *(rows[i][:, piece] for rows in friction)])
                 values *= counted
-                for b, run in runs:
-                    own = values[:, run[0] : run[-1] + 1] if len(run) else values[:, :0]
-                    found[b] += own @ own.T
-                own = values[:, counted & self.fast[part, i]]
+                found[b] += values @ values.T
+                own = values[:, counted & self.fast[piece, i]]
                 quick[0] += own @ own.T
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
-from dynident.identification.selection.friction.column_pool import PooledLogs, SharedRows
+from dynident.identification.selection.friction.column_pool import ROWS, PooledLogs, SharedRows
 from dynident.identification.selection.friction.held_out_errors import NOTHING, HeldOut, is_better, share_of
 from dynident.identification.selection.friction.parts_by_drive import (
     by_drive,
@@ -82,13 +82,13 @@ def choose_fields(
     """
     pieces = [by_unit(model, part) if set(part.choose or ()) - {WHOLE} else (part,) for part in model.friction]
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
-    shared = SharedRows(logs) if shared is None else shared
+    shared = shared or SharedRows(model.robot, [log.sparser(ROWS) for log in logs])
     logs = shared.under(logs)
     load = shared.load(without_optional(model), logs) if "torque" in model.needs else None
     spans = all_spans(model, logs, "choose", finest)
     shares = _shares_of_delay(model, logs)
     for blocks in (BLOCKS, OF_SHORT_LOGS):
-        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares, shared.made(logs))
+        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares, shared)
         search = _FieldSearch(model, pooled, spans, progress)
         if search.tells:
             break
@@ -118,20 +118,19 @@ def predicts_better(
     logs: Sequence[Prepared],
     other: DynamicModel,
     others: Sequence[Prepared],
-    shared: SharedRows | None = None,
+    shared: SharedRows,
 ) -> tuple[bool, tuple[FieldChoice, ...]]:
     """Return whether a model predicts held-out stretches better than another one, and what its parts with a state do.
 
     Each with the logs under its own delay; ``others`` are the same logs under that of the other one. ``shared`` are the
     rows that choices of the same logs have left.
     """
-    shared = SharedRows(logs) if shared is None else shared
     found: list[Array] = []
     weights = None
     for each, rows in ((other, others), (model, logs)):
         own = shared.under(rows)
         load = shared.load(each, own) if "torque" in each.needs else None
-        pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load, made=shared.made(own)).pool(each.friction)
+        pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load, shared=shared).pool(each.friction)
         parts = by_drive(each, each.friction, range(len(each.friction)))
         weights = pool.weights(parts) if weights is None else weights
         found += HeldOut.of(pool, parts, [parts], weights).errors(fastest=False)
