@@ -182,7 +182,12 @@ def _run(
     memory = np.zeros((control.memory, n))
     arguments = (*own, *rest, (state, memory), out)
     loop = mujoco_loop(body) if cell.plant == "mujoco" else _compiled(control.law(), arguments)
-    failed, cut = loop(control.law(), *arguments)
+    try:
+        failed, cut = loop(control.law(), *arguments)
+    except TypeError as error:  # what numba makes of Ctrl-C while it looks up the address of the law
+        if "_get_wrapper_address" not in str(error):
+            raise
+        raise KeyboardInterrupt from error
     if failed >= 0:
         evidence = f"the motion is lost at {(failed - ticks.first) / ticks.rate:.4g} s"
         step_text = "give a lower bandwidth, a faster controller or a higher integration rate"
