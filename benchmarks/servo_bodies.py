@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dynident.actuators.estimate import ActuatorEstimate
-from dynident.actuators.free_bodies import with_bodies
+from dynident.actuators.free_bodies import NORMAL_95, with_bodies
 from dynident.actuators.parameters import PLACE, SCALE_POWER
 from dynident.arrays import Array
 from dynident.model.inertia import Inertia
@@ -53,7 +53,7 @@ def held(found: ActuatorEstimate, robot: Robot, true: Array) -> dict[str, object
     body = found.bodies
     truth = np.asarray(robot.nominal).reshape(-1, 10)
     known = np.array(body.labels)
-    errors = np.abs(body.theta - truth) <= 1.96 * body.deviations
+    errors = np.abs(body.theta - truth) <= NORMAL_95 * body.deviations
     shapes = {label: [int(errors[known == label].sum()), int((known == label).sum())] for label in np.unique(known)}
     return {
         "scale": scale,
@@ -83,11 +83,13 @@ def lines_of(lines: Sequence[Mapping]) -> list[str]:
     error = 100 * np.median([abs(one["scale"] - 1) for one in own])
     found = [
         f"ratios of drive parameters: {100 * np.mean(ratios <= 1):.1f} % of {len(ratios)} intervals hold the truth, "
-        f"1.96 rms of error over half width {1.96 * np.sqrt(np.mean(ratios**2)):.2f}",
-        f"scale of torques: within 1.96 deviations in {np.sum(np.abs(scale) <= 1.96)} of {len(scale)} seeds, rms "
-        f"{np.sqrt(np.mean(scale**2)):.2f} deviations; median error {error:.2g} %",
+        f"1.96 rms of error over half width {NORMAL_95 * np.sqrt(np.mean(ratios**2)):.2f}",
+        f"scale of torques: within 1.96 standard deviations in {np.sum(np.abs(scale) <= NORMAL_95)} of {len(scale)} "
+        f"seeds, rms {np.sqrt(np.mean(scale**2)):.2f} standard deviations; median error {error:.2g} %",
     ]
     for label in sorted({label for one in own for label in one["parameters"]}):
         holds, count = np.sum([one["parameters"].get(label, [0, 0]) for one in own], axis=0)
-        found.append(f"standard parameters, {label}: {100 * holds / count:.1f} % of {count} within 1.96 deviations")
+        found.append(
+            f"standard parameters, {label}: {100 * holds / count:.1f} % of {count} within 1.96 standard deviations"
+        )
     return found

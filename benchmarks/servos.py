@@ -124,7 +124,7 @@ def gains_of(minutes: float) -> tuple[float, ...]:
 
 
 def one(seed: int, joints: int, folder: Path, minutes: float = 0.0, bodies: str = "") -> dict[str, object]:
-    """Return what one seed gives, as plain data; bodies: ``free``, or ``payload`` with logs of a known payload too."""
+    """Return what one seed gives, as plain data; bodies: ``plausible``, or ``payload`` with logs of one too."""
     random = np.random.default_rng([7, seed] if joints == 1 else [11, joints, seed])
     rate = RATE
     if joints == 1:
@@ -238,7 +238,7 @@ def main() -> None:
     options.add_argument("--seeds", type=int, default=200)
     options.add_argument("--first", type=int, default=0)
     options.add_argument("--minutes", type=float, default=0.0)
-    options.add_argument("--bodies", action="store_const", const="free", default="")
+    options.add_argument("--bodies", action="store_const", const="plausible", default="")
     options.add_argument("--payload", dest="bodies", action="store_const", const="payload")
     chosen = options.parse_args()
     file: Path = chosen.file

@@ -31,6 +31,14 @@ TRUE = {
 }
 
 
+#: A case of its logs, without those to train on.
+CASE_OF_LOGS = """case: 2
+robot: pendulum.urdf
+servo: {law: feetech_sts3215, kp: 'kp{}', enabled: torque_enable, friction: m1}
+log: {columns: {time: t, q: [q1], q_ref: [q_ref1], torque: none}}
+"""
+
+
 def pendulum(folder: Path) -> Robot:
     """Return the pendulum, its file in a folder."""
     (folder / "pendulum.urdf").write_text(PENDULUM)
@@ -73,3 +81,11 @@ def write_csv(log: ServoLog, path: Path) -> Path:
     table = np.column_stack([log.time, log.q[:, 0], log.q_ref[:, 0], log.enabled[:, 0]])
     np.savetxt(path, table, "%.9g", ",", header="t,q1,q_ref1,torque_enable", comments="")
     return path
+
+
+def fill(folder: Path, robot: Robot, urdf: str, case: str) -> None:
+    """Write a robot model, a case and a chirp, steps and a drop of the true pendulum into a folder."""
+    (folder / "pendulum.urdf").write_text(urdf)
+    for name, log in zip(("chirp", "steps", "drop"), virtual_logs(robot, parameters(), gains=(4.0,)), strict=True):
+        write_csv(log, folder / f"{name}_kp4.csv")
+    (folder / "case.yaml").write_text(case)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from servo_bench import PENDULUM, TRUE, parameters, virtual_logs, write_csv
+from servo_bench import CASE_OF_LOGS, PENDULUM, TRUE, fill, parameters, virtual_logs
 
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator, read_actuators, write_actuators
@@ -32,22 +32,14 @@ OFF = (
     .replace('ixx="0.002"', 'ixx="0.0026"')
 )
 
-CASE = """case: 2
-robot: pendulum.urdf
-servo: {law: feetech_sts3215, kp: 'kp{}', enabled: torque_enable, friction: m1}
-log: {columns: {time: t, q: [q1], q_ref: [q_ref1], torque: none}}
-train: [chirp_kp4.csv, steps_kp4.csv, drop_kp4.csv]
-"""
+CASE = f"{CASE_OF_LOGS}train: [chirp_kp4.csv, steps_kp4.csv, drop_kp4.csv]\n"
 
 
 @pytest.fixture
 def folder(tmp_path: Path, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the logs of a pendulum and a robot model that is off."""
     monkeypatch.chdir(tmp_path)
-    Path("pendulum.urdf").write_text(OFF)
-    for name, log in zip(("chirp", "steps", "drop"), virtual_logs(robot, parameters(), gains=(4.0,)), strict=True):
-        write_csv(log, Path(f"{name}_kp4.csv"))
-    Path("case.yaml").write_text(CASE)
+    fill(tmp_path, robot, OFF, CASE)
     return tmp_path
 
 

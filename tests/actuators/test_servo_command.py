@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from servo_bench import PENDULUM, parameters, virtual_logs, write_csv
+from servo_bench import CASE_OF_LOGS, PENDULUM, fill
 
 from dynident.cli.main import main
 from dynident.model.robot import Robot
@@ -15,21 +15,13 @@ from dynident.model.robot import Robot
 ROOT = Path(__file__).parents[2]
 REAL = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data") / "dynamixel_xl330_bam"
 
-CASE = """case: 2
-robot: pendulum.urdf
-servo: {law: feetech_sts3215, kp: 'kp{}', enabled: torque_enable, friction: m1}
-log: {columns: {time: t, q: [q1], q_ref: [q_ref1], torque: none}}
-train: [chirp_kp4.csv, drop_kp4.csv]
-"""
+CASE = f"{CASE_OF_LOGS}train: [chirp_kp4.csv, drop_kp4.csv]\n"
 
 
 @pytest.fixture
 def folder(tmp_path: Path, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    Path("pendulum.urdf").write_text(PENDULUM)
-    for name, log in zip(("chirp", "steps", "drop"), virtual_logs(robot, parameters(), gains=(4.0,)), strict=True):
-        write_csv(log, Path(f"{name}_kp4.csv"))
-    Path("case.yaml").write_text(CASE)
+    fill(tmp_path, robot, PENDULUM, CASE)
     return tmp_path
 
 

@@ -144,11 +144,10 @@ def _said(arm: Arm, prior: _Prior, theta: Array, finely: bool) -> _Said:
 
     The zero of an encoder turns all bodies behind it: zeros are found from the errors of all joints together.
     """
-    columns = []
-    for robot, motion, _ in zip(arm.robots, arm.motions, arm.datas[0].train, strict=False):
-        regressor = batched.torque_regressor(robot.chain, motion.q, motion.dq, motion.ddq)
-        carried = regressor @ (rigid_inertia(robot) - theta)
-        columns.append(np.dstack([regressor[:, :, prior.base.independent], carried]))
+    columns = [
+        np.dstack([regressor[:, :, prior.base.independent], regressor @ (rigid_inertia(robot) - theta)])
+        for robot, regressor in zip(arm.robots, _regressors(arm), strict=False)
+    ]
     zeros = 0
     for joint, (fit, used) in enumerate(zip(arm.fits, arm.used, strict=True)):
         if "angle_offset" in fit.free:
@@ -335,16 +334,21 @@ class _Prior:
         )
 
 
+def _regressors(arm: Arm) -> list[Array]:
+    """Return the regressor of the standard parameters in each training log, shape (K, n, 10 l)."""
+    return [
+        batched.torque_regressor(robot.chain, motion.q, motion.dq, motion.ddq)
+        for robot, motion, _ in zip(arm.robots, arm.motions, arm.datas[0].train, strict=False)
+    ]
+
+
 def _torque_along(arm: Arm, base: BaseParameters, theta: Array) -> Array:
     """Return u by which base parameters ask for u @ beta of the torque of bodies theta (10 l,) in the logs, shape (b,).
 
     That is the projection on this torque; each joint counts alike.
     """
     beta, square = base.from_standard(theta), np.zeros((base.count, base.count))
-    rows = [
-        batched.torque_regressor(robot.chain, motion.q, motion.dq, motion.ddq)[:, :, base.independent]
-        for robot, motion, _ in zip(arm.robots, arm.motions, arm.datas[0].train, strict=False)
-    ]
+    rows = [regressor[:, :, base.independent] for regressor in _regressors(arm)]
     for joint in range(len(arm.datas)):
         own = np.concatenate([each[:, joint] for each in rows])
         square += own.T @ own / max(float(np.sum((own @ beta) ** 2)), 1e-300)

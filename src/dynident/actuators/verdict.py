@@ -38,7 +38,6 @@ AS_RATIO = "known as a ratio"
 #: Half width from which a parameter counts as weak, as a share of its value.
 WEAK = 0.25
 
-
 #: Half width in rad up to which the zero of an encoder counts as identified where the bodies are found beside it.
 ZERO = 0.02
 

@@ -28,10 +28,10 @@ def mujoco_loop(body: CellPlant) -> Callable[..., Any]:
         MissingDependency: MuJoCo is not installed.
         NotConsistent: MuJoCo refuses the bodies.
     """
-    bodies = MujocoBodies(body.robot, body.inertial)
+    bodies, load = MujocoBodies(body.robot, body.inertial), _called(load_joints)
 
     def slope(tables: Any, drives: Any, state: Array, torque: Array, rise: Array, rate: Array, scratch: Any) -> bool:
-        _called(load_joints)(tables, drives, state, torque, rise, rate, scratch[1])
+        load(tables, drives, state, torque, rise, rate, scratch[1])
         mass, bias = bodies.dynamics(state[0], state[1])
         rate[1] = np.linalg.solve(mass + tables[4], rate[1] - bias)
         return True
