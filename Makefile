@@ -88,7 +88,7 @@ $(BENCH)/ready: constraints/bench.txt pyproject.toml
 	$(BIN)/python -m pip install $(NOISE) --require-hashes -r constraints/docs.txt
 	touch $@
 
-constraints:  ## renew the exact versions and hashes (needs pip-tools)
+constraints:  ## renew the exact versions and hashes (needs uv)
 	$(PYTHON) scripts/lock.py
 
 clean:

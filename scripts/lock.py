@@ -1,4 +1,4 @@
-"""Write constraints/*.txt: exact versions with hashes, no addresses (needs pip-tools).
+"""Write constraints/*.txt: exact versions with hashes, no addresses, for every system and Python version (needs uv).
 
 ``core`` is what the package needs, ``dev`` adds the tests, ``bench`` the peers that benchmarks run beside it; ``docs``,
 ``release``, ``coverage`` and ``notebooks`` stand alone. All take what they share with ``dev`` in its versions, so that
@@ -13,12 +13,13 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-FLAGS = ["--generate-hashes", "--no-emit-index-url", "--no-emit-find-links", "--no-emit-trusted-host", "--no-header"]
-FLAGS += ["--allow-unsafe", "--strip-extras", "--no-annotate", "--quiet"]
+FLAGS = ["--universal", "--python-version", "3.11", "--fork-strategy", "fewest"]  # one version a package, with markers
+FLAGS += ["--generate-hashes", "--no-header", "--no-annotate", "--quiet"]
+
 
 
 def main() -> None:
-    """Resolve the core dependencies, and the development groups."""
+    """Resolve the core dependencies, and the development groups; versions that stand in the files are kept."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     groups = project["dependency-groups"]
     core = [*project["project"]["dependencies"], *groups["build"]]
@@ -29,7 +30,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             shared = Path(folder) / "dev.txt"
             shared.write_text("" if name in ("core", "dev") else pins(ROOT / "constraints" / "dev.txt"))
-            command = [sys.executable, "-m", "piptools", "compile", *FLAGS, "--output-file", str(target)]
+            command = [sys.executable, "-m", "uv", "pip", "compile", *FLAGS, "--output-file", str(target)]
             command += ["--constraint", str(shared), "-"]
             subprocess.run(command, input="\n".join(wanted[name]), text=True, check=True)
         print(f"wrote {target.relative_to(ROOT)}")
