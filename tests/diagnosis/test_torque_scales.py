@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.faults import injections as put
+from benchmarks.faults.scales import subject_of
 from benchmarks.faults.trials import Trial, virtual
 
 from dynident.case.case import Case, read_case
@@ -15,9 +16,10 @@ from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.body_consistency import BEYOND, inconsistency
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
-from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, other_scales
+from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, mixing_of, other_scales
 from dynident.diagnosis.checks import CHECKS, link_consistency
 from dynident.diagnosis.checks.base import CheckedLog
+from dynident.diagnosis.checks.torque_scale import against_nominal
 from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import read_recording
 from dynident.model.friction import FRICTION, default_friction
@@ -90,12 +92,23 @@ def test_two_joints_that_explain_a_log_alike_are_both_named() -> None:
 
 def test_a_scale_without_an_end_is_not_sure(trial: Trial, tmp_path: Path) -> None:
     """Such a torque has nothing to do with the bodies: the weight that a torso's effort leaves out, or noise alone."""
-    faulty = put.scaled(trial, 1.0, 1)
-    fit = quick_fit(faulty.case, faulty.case.read(faulty.written(tmp_path)))
-    assert isinstance(fit, QuickFit)
-    best = joint_scales(fit)[1]
-    assert is_sure(fit, best)
-    assert not is_sure(fit, replace(best, high=np.inf))
+    subject = subject_of(put.scaled(trial, 1.0, 1), tmp_path)
+    assert subject.fit is not None
+    best = subject.scales[1]
+    assert is_sure(subject.fit, best)
+    assert not is_sure(subject.fit, replace(best, high=np.inf))
+
+
+def test_masses_judge_the_torque_of_a_joint_in_its_own_scale(trial: Trial, tmp_path: Path) -> None:
+    """Else the unit of all torques is blamed beside the joint."""
+    subject = subject_of(put.scaled(trial, 19.0, 1), tmp_path)
+    assert subject.fit is not None
+    theta = subject.fit.model.nominal()
+    assert theta is not None
+    ratio, alike = against_nominal(subject.fit, theta, mixing_of(subject.fit, other_scales(subject.scales)[0]))
+    assert ratio == pytest.approx(1, abs=0.01) and alike > 0.99
+    ratio, alike = against_nominal(subject.fit, theta, None)
+    assert ratio > 2 and alike < 0.9
 
 
 @pytest.mark.battery

@@ -94,8 +94,12 @@ def other_scales(scales: Sequence[JointScale]) -> tuple[JointScale, ...]:
 
 def reading_of(fit: QuickFit, scale: JointScale) -> ReadRows:
     """Return the rows of a log with the torque of a joint multiplied by its factor."""
-    joint = fit.model.robot.joint_names.index(scale.joint)
-    return ReadRows(fit.rows, _mixing(fit, joint, float(np.log(scale.factor))))
+    return ReadRows(fit.rows, mixing_of(fit, scale))
+
+
+def mixing_of(fit: QuickFit, scale: JointScale) -> Array:
+    """Return what the torques are multiplied by, shape (n, n), where a joint has its own factor."""
+    return _mixing(fit, fit.model.robot.joint_names.index(scale.joint), float(np.log(scale.factor)))
 
 
 def is_sure(fit: QuickFit, scale: JointScale) -> bool:

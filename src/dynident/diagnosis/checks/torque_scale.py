@@ -12,7 +12,7 @@ from dynident.arrays import Array
 from dynident.case.evidence.torques import EXPLAINED, agrees, scale_against
 from dynident.diagnosis.causes.column_readings import variance_falls
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.torque_scales import JointScale, other_scales
+from dynident.diagnosis.causes.torque_scales import JointScale, mixing_of, other_scales
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 from dynident.identification.problem.regressor_stream import motion_of
@@ -32,12 +32,12 @@ class TorqueScale(Check):
         fit = subject.fit
         if fit is None:
             return []
-        return [*_one_joint(subject), *_open_scales(fit, subject.scales), *_all_joints(fit)]
+        found = other_scales(subject.scales)
+        return [*_one_joint(subject, found), *_open_scales(fit, subject.scales), *_all_joints(fit, found)]
 
 
-def _one_joint(subject: CheckedLog) -> list[Finding]:
+def _one_joint(subject: CheckedLog, found: Sequence[JointScale]) -> list[Finding]:
     """Return the joint whose torque fits the others best with another scale, and those that explain it as well."""
-    found = other_scales(subject.scales)
     if not found:
         return []
     best = found[0]
@@ -77,11 +77,12 @@ def _open_scales(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
     return [Finding("note", "scale not determined", listed(unknown), evidence, remedy, {"joints": float(len(unknown))})]
 
 
-def _all_joints(fit: QuickFit) -> list[Finding]:
+def _all_joints(fit: QuickFit, found: Sequence[JointScale]) -> list[Finding]:
+    """Return what the robot model's masses say of all torques, that of a joint with another scale in its own."""
     theta = fit.model.nominal()
     if theta is None:
         return []
-    ratio, alike = _against_nominal(fit, theta)
+    ratio, alike = against_nominal(fit, theta, mixing_of(fit, found[0]) if found else None)
     if alike**2 < EXPLAINED:
         return []
     if alike < 0:
@@ -105,14 +106,15 @@ def _all_joints(fit: QuickFit) -> list[Finding]:
     return [Finding("warning", "torque unit", "", evidence, remedy, numbers)]
 
 
-def _against_nominal(fit: QuickFit, theta: Array) -> tuple[float, float]:
-    """Return scale and correlation of the fitted torque of the bodies against that of the robot model."""
+def against_nominal(fit: QuickFit, theta: Array, mixing: Array | None) -> tuple[float, float]:
+    """Return scale and correlation of the bodies' torque, fitted to mixing @ torque, against the robot model's."""
+    beta = fit.solve(fit.triangles.products, mixing).beta
     bodies = np.array(theta)
     bodies[fit.model.inertial_count :] = 0.0
     nominal = fit.model.torque(motion_of(fit.rows.prepared.kept), bodies)
     fitted = np.stack(
         [
-            block[:, inertial] @ fit.plain.beta[own][inertial]
+            block[:, inertial] @ beta[own][inertial]
             for block, own in zip(fit.rows.blocks, fit.rows.columns, strict=True)
             for inertial in [fit.base.independent[own] < fit.model.inertial_count]
         ],
