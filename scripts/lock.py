@@ -17,7 +17,6 @@ FLAGS = ["--universal", "--python-version", "3.11", "--fork-strategy", "fewest"]
 FLAGS += ["--generate-hashes", "--no-header", "--no-annotate", "--quiet"]
 
 
-
 def main() -> None:
     """Resolve the core dependencies, and the development groups; versions that stand in the files are kept."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
