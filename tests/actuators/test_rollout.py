@@ -148,7 +148,7 @@ def test_friction_holds_a_joint_where_it_can(records: list[JointRecord]) -> None
 
 def test_intervals_hold_where_a_joint_rests_between_two_readings(robot: Robot) -> None:
     """Errors of an encoder at rest repeat; the step of Gauss and Newton from the truth is the error they make."""
-    true, holds, law, step = parameters(coulomb=0.12), [], preset("feetech_sts3215"), 2.0 * np.pi / 4096
+    true, ratios, law, step = parameters(coulomb=0.12), [], preset("feetech_sts3215"), 2.0 * np.pi / 4096
     logs = virtual_logs(robot, true, gains=(2.0, 5.0))
     records = [record_of(log, 0, measured_loads(robot, log)[0], law) for log in logs]
     free = ("full_torque", "back_emf", "viscous", "coulomb", "armature", "angle_offset", "delay")
@@ -160,10 +160,10 @@ def test_intervals_hold_where_a_joint_rests_between_two_readings(robot: Robot) -
         errors, slopes = problem.errors(true)
         moved = np.linalg.lstsq(np.concatenate(slopes), -np.concatenate(errors))[0]
         known = known_parameters(problem, true, spread_of(problem, true))
-        halves = [one.half_width for one in known]
-        holds.append(np.abs(moved) <= halves)
-    shares = np.mean(holds, axis=0)
+        ratios.append(moved / [one.half_width for one in known])
+    shares, sizes = np.mean(np.abs(ratios) <= 1.0, axis=0), 1.96 * np.sqrt(np.mean(np.square(ratios), axis=0))
     assert shares.mean() >= 0.93 and shares.min() >= 0.75, dict(zip(free, shares, strict=True))
+    assert 0.8 < np.sqrt(np.mean(sizes**2)) < 1.2 and sizes.max() < 1.5, dict(zip(free, sizes, strict=True))
 
 
 @pytest.mark.parametrize("place", [START_Q, START_V], ids=["position", "velocity"])

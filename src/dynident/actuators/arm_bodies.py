@@ -249,7 +249,7 @@ def stated_bodies(robot: Robot, setup: ServoSetup) -> tuple[Array, Array, Constr
     filling = np.array([uniform_body(whole.links[link.name]).vector for link in robot.links])
     bodies, _, without = nominal_bodies(robot, filling, None)
     if without:
-        step = "state mass, centre and inertia of every link: what the logs do not tell stays there"
+        step = "state mass, centre and inertia of every link: what the logs do not determine stays there"
         raise NotConsistent(f"robot '{robot.name}'", f"no possible inertia of {', '.join(without)}", step)
     return bodies, filling, whole
 

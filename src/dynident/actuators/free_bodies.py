@@ -30,7 +30,7 @@ class FreeBodies:
         deviations: Standard deviations, shape (l, 10).
         labels: What each parameter stands on, as of ``consistency.labels``; l times ten.
         scale: Standard deviation of the scale that bodies and torques have in common, as a share of it.
-        is_scaled: Whether the logs tell that scale, which takes a payload; else it is that of the robot model.
+        is_scaled: Whether the logs determine that scale, which takes a payload; else it is that of the robot model.
     """
 
     names: tuple[str, ...]

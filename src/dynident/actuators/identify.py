@@ -173,11 +173,11 @@ def _known_together(
             for one in known
         )
         unit = "N m/rad" if not kp or kp == (1.0,) else "N m/rad per unit of kp"
-        words = f"gain times torque at full duty; to tell them apart {EXPERIMENTS['gain_ratio']}"
+        words = f"gain times torque at full duty; to separate them, {EXPERIMENTS['gain_ratio']}"
         found.append(Combination("stiffness", float(torque * law.error_gain), unit, words))
     if not law.controls_torque and not data.has_off:
         total = float(parameters[PLACE["viscous"]])
-        words = f"viscous friction and back-EMF together; to tell them apart {EXPERIMENTS['viscous']}"
+        words = f"viscous friction and back-EMF together; to separate them, {EXPERIMENTS['viscous']}"
         found.append(Combination("damping", total, "N m s/rad", words))
         known = tuple(
             replace(one, together="back_emf", label="not separable" if one.label == "identified" else one.label)

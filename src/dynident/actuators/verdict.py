@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.special import stdtrit
 
 from dynident.actuators.output_error import ServoProblem, log_weights
@@ -29,8 +30,11 @@ RANK = 1e-9
 #: Correlation from which two parameters are known only together.
 TOGETHER = 0.98
 
-#: Equal readings in a row from which a joint counts as at rest.
-REST_SAMPLES = 10
+#: Harmonics of the error of an encoder over its step; those above them, a fourteenth of its variance, count as white.
+_HARMONICS = np.arange(1, 9)
+
+#: Least step of an encoder in rad.
+_LEAST_STEP = 1e-9
 
 #: What is known but for the scale that all torques and inertias have in common.
 AS_RATIO = "known as a ratio"
@@ -94,12 +98,19 @@ class Spread:
 def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
     """Return how the errors of the roll-outs spread the free parameters.
 
-    By the sandwich covariance of clustered scores: errors of one roll-out are correlated over its whole length, so
-    pieces of it (whole logs where there are eight or more) are taken as the independent ones. Cameron and Miller, "A
-    practitioner's guide to cluster-robust inference", Journal of Human Resources 50, 2015, equation (10).
+    By a sandwich covariance of two parts.
 
-    A joint that rests reads the same error of the encoder's step again wherever it comes to rest at the same reading:
-    no piece is independent of it, so its variance, a twelfth of the squared step, is added reading by reading.
+    The encoder: a reading is off by a sawtooth of the position, and a joint that moves slowly or comes back to rest
+    where it was before repeats the same error. With the roll-out's positions q the errors of two samples have the
+    covariance sum_k D^2 / (2 pi^2 k^2) cos(2 pi k (q_i - q_j) / D) for a step D whose place is not known (Sripad and
+    Snyder, "A necessary and sufficient condition for quantization errors to be uniform and white", IEEE Transactions on
+    Acoustics, Speech, and Signal Processing 25, 1977).
+
+    All else: scores clustered by pieces of the logs (whole logs where there are eight or more), as errors of one
+    roll-out are correlated over its whole length (Cameron and Miller, "A practitioner's guide to cluster-robust
+    inference", Journal of Human Resources 50, 2015, equation (10)). They contain the encoder's errors within a piece:
+    what they are larger than these by is added, in each direction where that is more than chance (the largest
+    eigenvalue of a covariance of S samples of f numbers, Marchenko and Pastur 1967).
 
     Parameters that a direction without any effect moves by more than twice WEAK are not seen.
     """
@@ -109,34 +120,60 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
     values = parameters[problem.places]
     scales = np.maximum(np.abs(values), np.where(lower < 0, 1.0, 0.1) * problem.scales())  # of a sign: may be near 0
     inner = (values > lower + 1e-4 * problem.scales()) & (values < upper - 1e-4 * problem.scales())
-    bread = np.zeros((len(values), len(values)))
+    bread, white = np.zeros((2, len(values), len(values)))
     scores: list[Array] = []
-    squares = 0.0
-    resting: dict[float, Array] = {}
+    waves: list[Array] = []
+    squares, step = 0.0, max(encoder_step(problem.records), _LEAST_STEP)
     counts = pieces_of(problem.records)
     for record, error, slope, weight, pieces in zip(problem.records, errors, slopes, weights, counts, strict=True):
-        own = slope * scales * weight / np.sqrt(len(error))
-        residual = error * weight / np.sqrt(len(error))
+        size = weight / np.sqrt(len(error))
+        own = slope * scales * size
         bread += own.T @ own
-        squares += float(residual @ residual)
-        scores += [own[a].T @ residual[a] for a in np.array_split(np.arange(len(error)), pieces)]
-        rests = _rests(record.q[record.used])
-        for reading in np.unique(rests[np.isfinite(rests)]).tolist():
-            each = weight / np.sqrt(len(error)) * own[rests == reading].sum(axis=0)
-            resting[reading] = resting.get(reading, 0.0) + each
+        white += step**2 * size**2 * (own.T @ own)
+        squares += float(size**2 * error @ error)
+        phases = step * _encoder_waves((record.q[record.used] + error) / step)
+        for a in np.array_split(np.arange(len(error)), pieces):
+            scores.append(size * (own[a].T @ error[a]))
+            waves.append(size * (phases[:, a] @ own[a]))
     free = [int(k) for k in np.flatnonzero(inner)]
     covariance, seen = np.zeros_like(bread), np.zeros(len(values), dtype=bool)
     if free:
-        core, count = bread[np.ix_(free, free)], len(scores)
-        sizes, vectors = np.linalg.eigh(core)
+        within = np.ix_(free, free)
+        sizes, vectors = np.linalg.eigh(bread[within])
         good = sizes > RANK * sizes[-1]
-        loose = np.sqrt(squares / count / np.maximum(sizes, max(1e-6 * RANK * sizes[-1], 1e-300)))
-        inverse = (vectors[:, good] / sizes[good]) @ vectors[:, good].T
+        loose = np.sqrt(squares / len(scores) / np.maximum(sizes, max(1e-6 * RANK * sizes[-1], 1e-300)))
         seen[free] = np.linalg.norm(vectors[:, ~good] * loose[~good], axis=1) <= 2.0 * WEAK
-        meat = _squares(scores, free) * count / max(count - 1, 1)
-        meat += encoder_step(problem.records) ** 2 / 12.0 * _squares(resting.values(), free)
-        covariance[np.ix_(free, free)] = inverse @ meat @ inverse
+        unit = vectors[:, good] / np.sqrt(sizes[good])
+        meat = _meat(np.array(scores)[:, free] @ unit, np.array(waves)[..., free] @ unit, unit.T @ white[within] @ unit)
+        covariance[within] = unit @ meat @ unit.T
     return Spread(covariance * np.outer(scales, scales), bread, inner, seen, len(scores))
+
+
+def _encoder_waves(positions: Array) -> Array:
+    """Return the harmonics of the encoder's error at positions in steps of it (N,), shape (h, N), complex.
+
+    The covariance of two errors, in squared steps, is the real part of one times the conjugate of the other.
+    """
+    first = np.exp(2j * np.pi * positions)
+    return np.cumprod(np.tile(first, (len(_HARMONICS), 1)), axis=0) / (np.sqrt(2.0) * np.pi * _HARMONICS[:, None])
+
+
+def _meat(scores: Array, waves: Array, white: Array) -> Array:
+    """Return the covariance of the sum of all scores, shape (f, f), by pieces of the logs.
+
+    Args:
+        scores: Of each piece, shape (S, f).
+        waves: Of the encoder's error in each piece, by its harmonics, shape (S, h, f).
+        white: Sum of the squared derivatives times the squared step, shape (f, f).
+    """
+    rest = (1.0 / 12.0 - np.sum(0.5 / (np.pi * _HARMONICS) ** 2)) * white
+    whole, single = waves.sum(axis=0), waves.reshape(-1, waves.shape[-1])
+    encoder, within = ((each.conj().T @ each).real + rest for each in (whole, single))
+    count, free = scores.shape
+    sizes, vectors = eigh(scores.T @ scores * count / max(count - 1, 1), within)
+    more = np.where(sizes > (1.0 + np.sqrt(free / count)) ** 2, sizes - 1.0, 0.0)
+    turned = within @ vectors
+    return np.asarray(encoder + (turned * more) @ turned.T)
 
 
 def pieces_of(records: Sequence[JointRecord]) -> list[int]:
@@ -173,19 +210,6 @@ def known_parameters(problem: ServoProblem, parameters: Array, spread: Spread) -
     return tuple(found)
 
 
-def _squares(scores: Iterable[Array], free: Sequence[int]) -> Array:
-    """Return the sum of s s' over scores (f,), of the free parameters alone."""
-    return sum((np.outer(one[free], one[free]) for one in scores), np.zeros((len(free), len(free))))
-
-
-def _rests(q: Array) -> Array:
-    """Return the reading of each sample that is one of REST_SAMPLES equal ones in a row, else nan, shape (N,)."""
-    readings = np.round(q, 9)
-    cuts = np.concatenate([[0], np.flatnonzero(np.diff(readings)) + 1, [len(q)]])
-    lengths = np.diff(cuts)
-    return np.where(np.repeat(lengths, lengths) >= REST_SAMPLES, readings, np.nan)
-
-
 def encoder_step(records: Sequence[JointRecord]) -> float:
     """Return the median distance of neighbouring readings, in rad; of a joint that rests it is the encoder's step."""
     levels = np.unique(np.round(np.concatenate([record.q[record.used] for record in records]), 9))
@@ -203,7 +227,7 @@ def _partner(names: Sequence[str], matrix: Array, k: int, free: Sequence[int], l
     return names[others[best]] if strength[best] >= least else ""
 
 
-#: What separates parameters that the logs do not tell apart.
+#: What separates parameters that the logs do not separate.
 EXPERIMENTS = {
     "gain_ratio": "command steps large enough that the torque saturates, or state error_gain and kp of the drive",
     "full_torque": "command steps large enough that the torque saturates, or state error_gain and kp of the drive",

@@ -68,8 +68,8 @@ def bodies_lines(bodies: FreeBodies) -> list[str]:
     if bodies.is_scaled:
         return [f"one scale of all masses, torques and friction: from the logs with a payload, to {half:.2g} %"]
     return [
-        "one scale of all masses, torques and friction is that of the robot model, which no log tells: half width "
-        f"{half:.0f} % where its masses are known to {100 * DEVIATION:g} %",
+        "one scale of all masses, torques and friction is that of the robot model (no log without a known payload "
+        f"determines it): half width {half:.0f} % where its masses are known to {100 * DEVIATION:g} %",
         "as a ratio: half widths beside that scale; a known payload gives it (servo: payloads)",
     ]
 
