@@ -25,6 +25,7 @@ import numpy as np
 from benchmarks.strangers import arms
 from benchmarks.strangers.plant import Body, cylinder, urdf
 from dynident import DynamicModel, FourierSeries, read_case, read_robot, validate
+from dynident.case.case import Case
 from dynident.cli.main import main as dynident
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
@@ -281,10 +282,10 @@ def motion_of(virtual: Virtual, seed: int, first: float) -> FourierSeries:
     return FourierSeries(middle, a * scale, b * scale, 1 / first)
 
 
-def logged(name: str, virtual: Virtual, folder: Path) -> list[Path]:
-    """Write the robot model, two logs to learn from and one on another motion to test on."""
+def logged(name: str, virtual: Virtual, folder: Path, seed: int, logs: int = 3) -> list[Path]:
+    """Write the robot model, two logs to learn from and, of three, one on another motion to test on."""
     (folder / "robot.urdf").write_text(urdf(name, virtual.bodies))
-    (folder / "truth.urdf").write_text(urdf(name, virtual.bodies, seed=len(name)))
+    (folder / "truth.urdf").write_text(urdf(name, virtual.bodies, seed=seed))
     robot = read_robot(str(folder / "truth.urdf"))
     model = DynamicModel(robot, friction_of(virtual.friction))
     assert robot.nominal is not None
@@ -297,9 +298,9 @@ def logged(name: str, virtual: Virtual, folder: Path) -> list[Path]:
             }
     theta = np.array([*robot.nominal, *(named[p.name] for p in model.parameters[model.inertial_count :])])
     paths = []
-    for k in range(3):
+    for k in range(logs):
         first = virtual.first * (1.2 if k == 2 else 1.0)
-        motion = motion_of(virtual, 10 * len(name) + k, first)
+        motion = motion_of(virtual, 10 * seed + k, first)
         cell = replace(
             virtual.cell,
             controller=CONTROLLERS.make("computed_torque", {"feedforward": "model"}),
@@ -343,18 +344,21 @@ def fades(estimate: Estimate) -> bool:
     return any(dry is not None and value > 0.01 * max(dry, 0.0) for value, dry in pairs)
 
 
-def outcome(name: str, virtual: Virtual, folder: Path, ways: Sequence[str]) -> Row:
-    """Return what comes of a robot."""
-    *train, test = logged(name, virtual, folder)
+def drafted(folder: Path, train: Sequence[Path], more: Sequence[str] = ()) -> Case:
+    """Return the case that ``init`` drafts of the robot model and logs in a folder."""
     case_file = folder / "case.yaml"
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as bad:
-        code = dynident(
-            ["init", str(folder / "robot.urdf"), *map(str, train), "--test", str(test), "-o", str(case_file)]
-        )
+        code = dynident(["init", str(folder / "robot.urdf"), *map(str, train), *more, "-o", str(case_file)])
     text = case_file.read_text() if not code else ""
     if code or ": ask   # ask:" in text:
-        raise RuntimeError(f"{name}: {bad.getvalue()}{[line for line in text.splitlines() if ': ask ' in line]}")
-    case = read_case(case_file)
+        raise RuntimeError(f"{bad.getvalue()}{[line for line in text.splitlines() if ': ask ' in line]}")
+    return read_case(case_file)
+
+
+def outcome(name: str, virtual: Virtual, folder: Path, ways: Sequence[str]) -> Row:
+    """Return what comes of a robot."""
+    *train, test = logged(name, virtual, folder, len(name))
+    case = drafted(folder, train, ["--test", str(test)])
     learn, held = [case.read(path) for path in train], [case.read(test)]
     true = replace(case.model, friction=friction_of(virtual.truth or virtual.friction))
     right = replace(case.preprocessing, delay_s=virtual.late / virtual.rate)

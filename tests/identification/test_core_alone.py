@@ -33,8 +33,10 @@ SIMULATED = SOURCE / "identification" / "simulated"
 #: Friction that remembers, chosen beside the delay, is 190 lines; that of drives that warm up is 146.
 #: The size that shapes and stated inertia of a link share is 15, shapes that only show it are 9.
 #: The ranges of parameters that data and bounds allow are 6. Friction beside the nominal inertias that brakes is 9.
+#: The curve and further elements of friction that remembers are 30, ripple of the motors is 31, widths at their best
+#: before a part is judged are 47.
 #: Widths of single drives are 149. One procedure for the choice of friction in place of two took out 602.
-LINES = 30_497
+LINES = 30_605
 
 
 def _run(folder: Path, *words: str, package: Path | None = None) -> dict[str, object]:

@@ -33,7 +33,7 @@ from dynident.model.friction.presliding import Presliding
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robot import Robot
+from dynident.model.robot import Drive, Robot
 from dynident.results.choices import choice_tables
 
 #: Friction of the three joints of ``mixed``.
@@ -229,6 +229,25 @@ def test_a_stated_cycle_that_the_logs_do_not_show_is_refused(spatial_3r: Robot, 
     with pytest.raises(LogMismatch, match=told):
         ripple = replace(ripple, cycles=np.pi / span * 0.98)
         identify(replace(model, friction=(*model.friction, ripple)), [log], "wls", GIVEN)
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_ripple_of_motors_is_chosen_where_gear_ratios_are_stated_and_it_is_there(
+    spatial_3r: Robot, exact_log: MakeLog, is_there: bool
+) -> None:
+    """Twice per turn of the motor, as in harmonic drives; joint3 has no gear and none is offered for it."""
+    robot = spatial_3r.with_drives({"joint1": Drive(gear_ratio=-50.0), "joint2": Drive(gear_ratio=50.0)})
+    truth = DynamicModel(robot, (Coulomb(0.02), Viscous(), Periodic(50.0, joints=("joint1", "joint2"))))
+    ripple = {"Ps2[joint1]": 0.5, "Pc2[joint2]": 0.4} if is_there else {}
+    usual = {"Fc": 3.0, "Fv": 1.5}
+    names = [p.name for p in truth.parameters[truth.inertial_count :]]
+    values = np.array([ripple.get(name, usual.get(name[:2], 0.0)) for name in names])
+    log = exact_log(truth, with_friction(truth, values), noise=0.1, samples=2000, rate=200.0, size=0.3)
+    found = identify(DynamicModel(robot), [log], "wls", GIVEN, choose_friction=True)
+    taken = [part for part in found.model.friction if isinstance(part, Periodic)]
+    assert [(part.cycles, part.joints) for part in taken] == [(50.0, ("joint1", "joint2"))] * is_there
+    told = {p["name"]: p["value"] for p in found.parameters()}
+    assert all(told[name] == pytest.approx(value, rel=0.1) for name, value in ripple.items())
 
 
 def test_no_delay_is_found_where_friction_is_chosen_and_none_is_there(spatial_3r: Robot, exact_log: MakeLog) -> None:

@@ -18,8 +18,9 @@ from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
 from dynident.identification.selection.friction.column_pool import ROWS, SharedRows
-from dynident.identification.selection.friction.held_out_fields import choose_fields, predicts_better
+from dynident.identification.selection.friction.held_out_fields import choose_fields
 from dynident.identification.selection.friction.load import problem_of, without_load
+from dynident.identification.selection.friction.model_comparison import predicts_better
 from dynident.identification.selection.friction.variable_projection import (
     finest_of,
     has_choices,
@@ -30,7 +31,7 @@ from dynident.identification.selection.friction.variable_projection import (
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Friction, auto_friction
+from dynident.model.friction import FRICTION, Friction, auto_friction, motor_ripple
 
 
 @dataclass(frozen=True)
@@ -76,9 +77,9 @@ def build_problem(
     preprocessing, knowledge = preprocessing or default_preprocessing(), knowledge or PriorKnowledge()
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
     if choose_friction:
-        model = replace(model, friction=auto_friction())
+        model = replace(model, friction=(*auto_friction(), *motor_ripple(model.robot)))
     preprocessing, cutoff = with_cutoff(without_optional(model), ordered, preprocessing, progress)
-    model, finest = _within_logs(model, ordered)
+    model, finest = _within_logs(model, ordered, preprocessing.filter.bandwidth())
     progress("preprocessing")
     plain = tuple(preprocess(log, preprocessing) for log in ordered)
     prepared, delays = _with_delays(without_optional(model), plain, progress)
@@ -105,22 +106,25 @@ def _resolution(model: DynamicModel, logs: Sequence[Log]) -> Array | None:
     return np.max(np.abs(np.asarray(model.robot.coupling)) * joints, axis=1)
 
 
-def _within_logs(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel, Array | None]:
+def _within_logs(
+    model: DynamicModel, logs: Sequence[Log], bandwidth: float | None
+) -> tuple[DynamicModel, Array | None]:
     """Return the model whose friction the logs can tell, and the resolution of the positions of each drive.
 
     Distances of friction that are left to the logs begin at the resolution. Parts that may be missing are missing
-    where logs are too short for their duration or have no temperatures and they read some.
+    where logs are too short for their duration or have no temperatures and they read some, and on drives whose logs do
+    not show their cycle.
 
     Raises:
         LogMismatch: A distance that is stated is below the resolution, a duration beyond the longest log, or a cycle
             beyond the motion.
     """
-    _check_cycles(model, logs)
     finest, longest = _resolution(model, logs), max(float(log.time[-1] - log.time[0]) for log in logs)
     lack_temperatures = any(log.temperature is None for log in logs)
     parts: list[Friction] = []
-    for part in model.friction:
-        if part.is_optional and lack_temperatures and "temperature" in part.needs:
+    for stated_part in model.friction:
+        part = _within_cycle(model, stated_part, logs, bandwidth)
+        if part is None or (part.is_optional and lack_temperatures and "temperature" in part.needs):
             continue
         least, left_open = finest_of(model, part, finest), (*(part.choose or ()), *(part.vary or ()))
         spans = part.ranges.items()
@@ -178,24 +182,34 @@ def _with_chosen_fields(
     return chosen, prepared, choices
 
 
-def _check_cycles(model: DynamicModel, logs: Sequence[Log]) -> None:
-    """Refuse friction that repeats over positions of which the logs show less than a half.
+def _within_cycle(model: DynamicModel, part: Friction, logs: Sequence[Log], bandwidth: float | None) -> Friction | None:
+    """Return a part that may be missing for the drives that show half of its cycle at least; None where none does.
+
+    What counts is motion in which the cycle is slower than the bandwidth of the filter, or half the rate, in Hz.
 
     Raises:
-        LogMismatch: Some is stated.
+        LogMismatch: Drives of a part that is stated do not.
     """
-    coupling = np.asarray(model.robot.coupling)
-    for part in model.friction:
-        if part.cycle is None or part.is_optional:
-            continue
-        span = np.ptp(np.concatenate([np.asarray(log.q) @ coupling.T for log in logs]), axis=0)
-        short = [drive for drive in model.drives_of(part) if span[drive] < 0.5 * part.cycle]
-        if short:
-            moved = ", ".join(f"'{model.robot.joint_names[drive]}' {span[drive]:.3g}" for drive in short)
-            repeats = f"{FRICTION.name_of(part)} repeats after {part.cycle:.3g} rad (or m)"
-            evidence = f"{repeats}, and less than half of that is seen: {moved}"
-            step = "log motions over at least a whole cycle, or state the part for other joints (joints: ...)"
-            raise LogMismatch(logs[0].name, evidence, step)
+    if part.cycle is None:
+        return part
+    names, coupling = model.robot.joint_names, np.asarray(model.robot.coupling)
+    fastest, seen = part.cycle * (bandwidth or min(log.rate for log in logs) / 2), list[Array]()
+    for log in logs:
+        q = np.asarray(log.q) @ coupling.T
+        seen.append(np.where(np.abs(np.gradient(q, axis=0)) * log.rate <= fastest, q, np.nan))
+    span = np.nan_to_num(np.fmax.reduce(np.concatenate(seen)) - np.fmin.reduce(np.concatenate(seen)))
+    short = [drive for drive in model.drives_of(part) if span[drive] < 0.5 * part.cycle]
+    if part.is_optional:
+        kept = tuple(names[drive] for drive in model.drives_of(part) if drive not in short)
+        return replace(part, joints=kept) if kept and short else part if kept else None
+    if short:
+        moved = ", ".join(f"'{names[drive]}' {span[drive]:.3g}" for drive in short)
+        repeats = f"{FRICTION.name_of(part)} repeats after {part.cycle:.3g} rad (or m)"
+        evidence = f"{repeats}, and less than half of that is seen: {moved}"
+        slow = f"slower than {fastest:.3g} rad/s (or m/s), where the filter passes it"
+        step = f"log motions over at least a whole cycle, {slow}, or state the part for other joints (joints: ...)"
+        raise LogMismatch(logs[0].name, evidence, step)
+    return part
 
 
 def _with_delays(

@@ -197,7 +197,7 @@ def _friction(found: Recognised) -> list[str]:
         f"  - load: {{{width}, choose: [part, width]}}   # load-dependent friction",
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
         "   # Stribeck effect",
-        f"  - presliding: {{length: {_SLIPS:g}, choose: [part, length]}}   # friction that builds up after a reversal",
+        f"  - presliding: {{length: {_SLIPS:g}, choose: [part, length, shape]}}   # friction built up after reversals",
         *_warm_up(found),
     ]
 

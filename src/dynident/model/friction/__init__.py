@@ -1,10 +1,16 @@
 """Friction and drive terms, a family: one part per file, each a block of regressor columns."""
 
+from __future__ import annotations
+
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from dynident.errors import BrokenPart
 from dynident.model.friction.base import WHOLE, Coefficient, Friction, Motion, SelectionUse
 from dynident.plugins import Family
+
+if TYPE_CHECKING:
+    from dynident.model.robot import Robot
 
 FRICTION: Family[Friction] = Family("dynident.model.friction", Friction, "friction model")  # type: ignore[type-abstract]
 
@@ -28,6 +34,16 @@ def auto_friction() -> tuple[Friction, ...]:
     return tuple(FRICTION.make(name, use.options) for name, use in _listed())
 
 
+def motor_ripple(robot: Robot) -> tuple[Friction, ...]:
+    """Return ripple over a turn of the motors, a part for each stated gear ratio; held-out samples decide on them."""
+    ratios: dict[float, tuple[str, ...]] = {}
+    for joint in robot.active:
+        if (ratio := abs(joint.drive.gear_ratio)) != 1.0:
+            ratios[ratio] = (*ratios.get(ratio, ()), joint.name)
+    options = ({"cycles": ratio, "joints": joints, "choose": (WHOLE,)} for ratio, joints in ratios.items())
+    return tuple(FRICTION.make("periodic", own) for own in options)
+
+
 __all__ = [
     "FRICTION",
     "WHOLE",
@@ -37,4 +53,5 @@ __all__ = [
     "SelectionUse",
     "auto_friction",
     "default_friction",
+    "motor_ripple",
 ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, smooth_sign
 
@@ -13,9 +12,15 @@ WIDTH = 0.01
 
 @dataclass(frozen=True)
 class Slipped(Friction):
-    """Coulomb friction Fp tanh(dq / 0.01) under the coefficient of ``presliding``."""
+    """Coulomb friction Fp tanh(dq / 0.01) under the coefficient of an element of ``presliding``."""
 
-    coefficients: ClassVar = (Coefficient("Fp", "N m", "N", nonnegative=True, in_simulators="friction"),)
+    element: int = 1
+
+    @property
+    def coefficients(self) -> tuple[Coefficient, ...]:  # type: ignore[override]
+        """Its level, named by the element."""
+        symbol = "Fp" if self.element == 1 else f"Fp{self.element}"
+        return (Coefficient(symbol, "N m", "N", nonnegative=True, in_simulators="friction"),)
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return (smooth_sign(at.dq, WIDTH),)

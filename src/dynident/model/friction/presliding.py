@@ -1,16 +1,18 @@
-"""Friction that builds up over a distance after each reversal: a spring that slips."""
+"""Friction that builds up over a distance after each reversal: a spring that slips, at once or more and more."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.model.friction._slipped import Slipped
 from dynident.model.friction.base import (
+    Coefficient,
     Friction,
     Inputs,
     Motion,
@@ -20,31 +22,46 @@ from dynident.model.friction.base import (
     State,
     check_positive,
     larger,
+    power,
     smaller,
 )
+from dynident.plugins import bounded
+
+#: Share of the length by which states of any start have to agree.
+SETTLED = 0.01
 
 
 @dataclass(frozen=True)
 class Presliding(Friction):
-    """Presliding friction Fp z / length, z' = dq while |z| < length: a Prandtl-Ishlinskii stop operator.
+    """Presliding friction Fp z / length, dz = (1 - z / length)^(1 - shape) dq for dq > 0, and mirrored (Dahl 1968).
 
-    One element of the generalised Maxwell slip model (Al-Bender, Lampaert and Swevers 2005): after a reversal friction
-    changes from one level to the other over twice the length, however slow the motion is. ``coulomb`` beside it is the
-    share of dry friction that changes at once. Over any closed motion it loses work. Where samples have no history, as
-    in formats without a memory, the element is taken as slipped the way of the motion: Fp tanh(dq / 0.01).
+    Of shape 1 it is a Prandtl-Ishlinskii stop operator, an element of the generalised Maxwell slip model (Al-Bender,
+    Lampaert and Swevers 2005): after a reversal friction changes from one level to the other over twice the length,
+    however slow the motion is. Towards shape 0 the change becomes exponential, as that of bristles (LuGre) in slow
+    motion; the work that is lost after a reversal is the same. ``coulomb`` beside it is the share of dry friction that
+    changes at once, further elements are parts of their own. Over any closed motion it loses work. Where samples have
+    no history, as in formats without a memory, it is taken as slipped the way of the motion: Fp tanh(dq / 0.01).
 
     Attributes:
-        length: Distance in rad (or m) over which the drive moves before the element slips.
+        length: Distance in rad (or m) over which the drive moves before the element slips, of shape 1.
+        shape: 1 for a spring that slips at the length, towards 0 for one that slips more and more (exponential).
+        element: Number of the element of a drive that has several, each with a length of its own.
     """
 
     length: float = 3e-3
+    shape: float = bounded(1.0, least=0.05, most=1.0)
+    element: int = bounded(1, least=1, most=4)
 
-    coefficients: ClassVar = Slipped.coefficients
-    ranges: ClassVar = {"length": Range(3e-4, 0.1, is_distance=True)}
-    selection: ClassVar = SelectionUse(7, {"length": 3e-3, "choose": ("part", "length")})
+    ranges: ClassVar = {"length": Range(3e-4, 0.1, is_distance=True), "shape": Range(0.05, 1.0)}
+    selection: ClassVar = SelectionUse(7, {"length": 3e-3, "choose": ("part", "length", "shape")})
 
     def __post_init__(self) -> None:
         check_positive(self.length, "length", "a distance in rad, at least the resolution of the encoder,")
+
+    @property
+    def coefficients(self) -> tuple[Coefficient, ...]:  # type: ignore[override]
+        """Its level, named by the element."""
+        return self.without_memory.coefficients
 
     @property
     def states(self) -> tuple[State, ...]:
@@ -54,32 +71,42 @@ class Presliding(Friction):
         return (at.state[0] / self.length,)
 
     def update(self, at: Inputs) -> tuple[Number, ...]:
-        return (smaller(larger(at.state[0] + at.moved, -self.length), self.length),)
+        return (self._moved(at.state[0], at.moved, (larger, smaller, power)),)
 
     @property
     def without_memory(self) -> Friction:
-        return Slipped(joints=self.joints)
+        return Slipped(self.element, joints=self.joints)
 
     def states_along(self, motion: Motion, step: float, first: Array | None = None) -> Array:
         return self._along(motion, np.zeros(motion.q.shape[1]) if first is None else first[:, 0])[..., None]
 
     def is_unsettled(self, motion: Motion) -> BoolArray:
-        moved = np.maximum.accumulate(motion.q) - np.minimum.accumulate(motion.q)  # from either end it slips meanwhile
-        apart = 2.0 * self.length - moved > 1e-9 * self.length
+        ends = np.full(motion.q.shape[1], self.length)
+        apart = self._along(motion, ends) - self._along(motion, -ends) > SETTLED * self.length
         return apart & ~apart[-1]  # a drive that never moves so far tells nothing apart: its rows stay
 
     def _along(self, motion: Motion, first: Array) -> Array:
         """Return the deflection along a motion from those at the first sample (n,) on, shape (N, n).
 
-        Between two reversals it follows the position to the end of the spring: only these have to be gone through.
+        Between two reversals it is known in closed form: only these have to be gone through.
         """
-        length, found = self.length, np.empty(motion.q.shape)
-        bounded = lambda z, way: length if z + way > length else -length if z + way < -length else z + way  # noqa: E731
+        found = np.empty(motion.q.shape)
         for drive, (q, start) in enumerate(zip(motion.q.T, first.tolist(), strict=True)):
             turns = np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1
             starts = np.concatenate([[0], turns])
-            ways = np.diff(q[starts]).tolist()
-            bent = list(accumulate(ways, bounded, initial=start))
+            bent = list(accumulate(np.diff(q[starts]).tolist(), self._moved, initial=start))
             samples = np.diff(starts, append=len(q))
-            found[:, drive] = np.clip(np.repeat(bent, samples) + (q - np.repeat(q[starts], samples)), -length, length)
+            way = q - np.repeat(q[starts], samples)
+            found[:, drive] = self._moved(np.repeat(bent, samples), way, (np.maximum, np.minimum, np.power))
         return found
+
+    def _moved(self, z: Any, way: Any, of: tuple[Callable[..., Any], ...] = (max, min, pow)) -> Any:
+        """Return the deflection after a way without a reversal, by functions of the kind of number."""
+        (larger_of, smaller_of, power_of), length, shape = of, self.length, self.shape
+        if shape == 1.0:
+            return smaller_of(larger_of(z + way, -length), length)
+        left = 1.0 - z / length  # to where it slips; then the same the other way, and one of the two ways is none
+        for moved in (larger_of(way, 0.0), -smaller_of(way, 0.0)):
+            rest = power_of(larger_of(left, 0.0), shape) - shape / length * moved
+            left = 2.0 - power_of(larger_of(rest, 0.0), 1.0 / shape)
+        return length * (1.0 - left)

@@ -26,6 +26,9 @@ CHANCE = 0.05
 #: A value that takes less than this share off the held-out error is not worth another one than the stated.
 NOTHING = 5e-3
 
+#: Likewise a part with fields of its own: 1 % of the error, as of the best of many values some is chance.
+OF_A_PART = 2e-2
+
 #: Least mean squared residual that is told from none, in units of its joint's own.
 TINY = 1e-12
 
@@ -39,7 +42,7 @@ class WeighedRows:
     """
 
     def __init__(self, pool: ColumnPool, weights: Array) -> None:
-        self.pool, self.rows = pool, pool.rows.sum(axis=1)
+        self.pool, self.weights, self.rows = pool, weights, pool.rows.sum(axis=1)
         self.held = pool.by_delay(pool.weighted(weights))
         self.fast = pool.by_delay(pool.weighted(weights, fast=True)[0])
         self.wholes = [held.sum(axis=0) for held in self.held]
@@ -143,8 +146,8 @@ def share_of(gaps: Array) -> tuple[float, float]:
     return float(-np.expm1(-np.mean(gaps))), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
 
 
-def is_better(gaps: Array, chance: float | None = CHANCE) -> bool:
+def is_better(gaps: Array, chance: float | None = CHANCE, least: float = NOTHING) -> bool:
     """Return whether logarithms of ratios of errors (B,) are above nothing by more than chance; None: by an error."""
     gain, error = share_of(gaps)
     sizes = 1.0 if chance is None else float(student_quantile(1.0 - chance, len(gaps) - 1))
-    return gain > max(NOTHING, error * sizes)
+    return gain > max(least, error * sizes)

@@ -29,7 +29,13 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.selection.friction.column_pool import ROWS, PooledLogs, SharedRows
-from dynident.identification.selection.friction.held_out_errors import NOTHING, HeldOut, is_better, share_of
+from dynident.identification.selection.friction.held_out_errors import (
+    NOTHING,
+    OF_A_PART,
+    HeldOut,
+    is_better,
+    share_of,
+)
 from dynident.identification.selection.friction.parts_by_drive import (
     by_drive,
     by_unit,
@@ -111,34 +117,6 @@ def choose_fields(
     there = sorted((p for p in range(len(search.heads)) if p not in search.absent), key=lambda p: search.heads[p])
     told = sorted([(key[0], held) for key, held in found.items()] + search.apart, key=lambda each: each[0])
     return replace(model, friction=tuple(search.model.friction[p] for p in there)), tuple(held for _, held in told)
-
-
-def predicts_better(
-    model: DynamicModel,
-    logs: Sequence[Prepared],
-    other: DynamicModel,
-    others: Sequence[Prepared],
-    shared: SharedRows,
-) -> tuple[bool, tuple[FieldChoice, ...]]:
-    """Return whether a model predicts held-out stretches better than another one, and what its parts with a state do.
-
-    Each with the logs under its own delay; ``others`` are the same logs under that of the other one. ``shared`` are the
-    rows that choices of the same logs have left.
-    """
-    found: list[Array] = []
-    weights = None
-    for each, rows in ((other, others), (model, logs)):
-        own = shared.under(rows)
-        load = shared.load(each, own) if "torque" in each.needs else None
-        pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load, shared=shared).pool(each.friction)
-        parts = by_drive(each, each.friction, range(len(each.friction)))
-        weights = pool.weights(parts) if weights is None else weights
-        found += HeldOut.of(pool, parts, [parts], weights).errors(fastest=False)
-    gain, error = share_of(found[0] - found[1])
-    better = gain > NOTHING
-    told = (WHOLE, _ABSENT, _THERE if gain > 0 else _ABSENT, float(better), gain, error)
-    parts = [part for part in model.friction if part.lags and part.is_optional]
-    return better, tuple(FieldChoice(FRICTION.name_of(part), part.joints, *told) for part in parts)
 
 
 def _shares_of_delay(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[float, ...]:
@@ -289,8 +267,7 @@ class _FieldSearch:
 
     def with_part(self, p: int) -> FieldChoice:
         """Hold a part against its absence, with the best values of its fields, and put it there if it is better."""
-        part = self.model.friction[p]
-        self._progress(f"friction: {FRICTION.name_of(part)} on held-out samples")
+        self._progress(f"friction: {FRICTION.name_of(self.model.friction[p])} on held-out samples")
         self._share_width(p)
         points = self._points(p, self._own_fields(p))
         tried = self._tried(self._of([p]), points)
@@ -298,11 +275,25 @@ class _FieldSearch:
             return self._told(p, False, None)
         first, *others = tried.errors()
         k = int(np.argmin([np.mean(each) for each in others]))
-        gaps = first - others[k]
-        if better := is_better(gaps):
+        if better := is_better(gaps := first - others[k], least=OF_A_PART):
+            better = is_better(gaps := self._with_best_widths(tried) - others[k], least=OF_A_PART)
+        if better:
             self.absent = tuple(other for other in self.absent if self.heads[other] != p)
             self.model = with_values(self.model, self._of([p]), points[k])
         return self._told(p, better, gaps)
+
+    def _with_best_widths(self, tried: HeldOut) -> Array:
+        """Return the errors (B + 1,) of the model with the widths that fit all rows best, the rows weighted alike.
+
+        A width that is stated, or taken from a coarse grid, and not quite right is no evidence for a part.
+        """
+        kept = self.model
+        for q in (q for q, name in self._spans if name == "width"):
+            there = [own for own in self._group(q, "width") if own not in self.absent]
+            if there[:1] == [q]:
+                self._finer(there, "width", kept.friction[q].options["width"])
+        errors, self.model = self._tried((), (), tried.weighed.weights).errors()[0], kept
+        return errors
 
     def _group(self, p: int, name: str) -> tuple[int, ...]:
         """Return the parts whose fields have one value: signs of dry friction on the same joints, stated alike."""
@@ -324,7 +315,7 @@ class _FieldSearch:
             self.apart = [each for each in self.apart if each[0] != group[0]]
         there = [p for p in group if p not in self.absent]
         labels = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in there))
-        value = stated = {name: float(getattr(self.stated.friction[there[0]], name)) for name in names}
+        stated = {name: float(getattr(self.stated.friction[there[0]], name)) for name in names}
         self._progress(f"friction: {labels} {' and '.join(names)} on held-out samples")
         about = (labels, self.stated.friction[there[0]].joints)
         self.model = with_values(self.model, there, stated)
@@ -333,15 +324,21 @@ class _FieldSearch:
             return [FieldChoice(*about, name, x, x, x, 0.0, None) for name, x in stated.items()]
         first, *others = tried.errors(fastest=False)
         k = int(np.argmin([np.mean(each) for each in others]))
-        gain, error = share_of(first - others[k])
-        if is_taken := is_better(first - others[k]):
-            self.model, value = with_values(self.model, there, points[k]), dict(points[k])
+        gaps, best, before = first - others[k], dict(points[k]), self.model
+        if (is_taken := is_better(gaps)) or names[0] == "width":
+            self.model = with_values(self.model, there, best)
             for name in [*names] * len(names):
-                value[name] = self._finer(there, name, value[name])
+                best[name] = self._finer(there, name, best[name])
+            if not is_taken:  # a stated width may lie nearer to the best one than those of the grid
+                finer = np.subtract(*self._tried(there, [stated, best]).errors(fastest=False)[1:])
+                if is_taken := is_better(finer):
+                    gaps = finer
+                else:
+                    self.model, best = before, points[k]
+        value, (gain, error) = best if is_taken else stated, share_of(gaps)
         if names[0] == "width":
             errors, grid = tried.by_joint(), np.array([point["width"] for point in points])
             self._set_apart(group, labels, stated["width"], grid, [errors[k + 1 if is_taken else 0], *errors[1:]])
-        best = value if is_taken else points[k]
         return [FieldChoice(*about, name, stated[name], best[name], value[name], gain, error) for name in names]
 
     def _points(self, p: int, names: Sequence[str]) -> list[dict[str, float]]:
@@ -380,7 +377,9 @@ class _FieldSearch:
                 best = self._finer(there, "width", held.value, steps=2.0)
                 self.apart.append((group[0], replace(held, best=best, value=best)))
 
-    def _tried(self, group: Sequence[int], points: Sequence[Mapping[str, float]]) -> HeldOut:
+    def _tried(
+        self, group: Sequence[int], points: Sequence[Mapping[str, float]], weights: Array | None = None
+    ) -> HeldOut:
         """Return the model with values of fields of some parts; of one that is absent, it with each beside itself."""
         model = self.model
         present = [p for p in range(len(model.friction)) if p not in self.absent]
@@ -395,5 +394,5 @@ class _FieldSearch:
             return by_drive(model, every, places.values())
 
         sets = [columns(value) for value in (None, *range(len(points)))]
-        tried = HeldOut.of(pool, sets[0], sets)
+        tried = HeldOut.of(pool, sets[0], sets, weights)
         return tried.with_parts(sets) if any(p in self.absent for p in group) else tried
