@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.speed.rows.consistent_fit import ROWS, noisy_triangle
 from dynident import DynamicModel, base_parameters, read_robot
 from dynident.identification.consistency.barrier import inside, solve_barrier
-from dynident.identification.consistency.conic import solve_conic, solve_whitened
+from dynident.identification.consistency.conic import solve_conic
 from dynident.identification.consistency.consistent_fit import METRICS, consistent_fit, pose_program
 from dynident.identification.consistency.log_cholesky_fit import descend
 from dynident.identification.consistency.verdicts import broken_conditions
@@ -47,7 +47,6 @@ def main() -> None:
         start = inside(program)
         result["paths_ms"] = {
             "Clarabel": median_ms(lambda: solve_conic(program)),
-            "Clarabel, whitened": median_ms(lambda: solve_whitened(program)),
             "log-det barrier": median_ms(lambda: solve_barrier(program, start)),
             "log-Cholesky": median_ms(lambda: descend(program, 100)),
         }

@@ -11,13 +11,14 @@ import pytest
 from dynident import read_robot
 from dynident.arrays import Array
 from dynident.case.constraints_file import read_constraints
-from dynident.case.link_volume import mesh_volume, volume_of
+from dynident.case.link_volume import mesh_volume
 from dynident.case.mesh_bounds import with_mesh_points
 from dynident.errors import DescriptionError, FileError
 from dynident.model.plausible import link_points, plausible_constraints, shape_points
 from dynident.model.robot import Robot, rotation_about
-from dynident.model.shapes import Box, Capsule, Cylinder, Sphere
+from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from dynident.robot_files.meshes import DIRECTIONS, outermost
+from dynident.robot_files.solids import solid_of
 
 SIZE = np.array([0.5, 0.14, 0.1])
 CENTRE = np.array([0.2, 0.0, 0.0])
@@ -166,11 +167,11 @@ def test_few_points_stand_for_the_hull_of_many() -> None:
 
 
 def test_volumes_of_shapes() -> None:
-    assert volume_of(Sphere(0.3)) == pytest.approx(4 / 3 * np.pi * 0.027)
-    assert volume_of(Cylinder(0.1, 0.5)) == pytest.approx(np.pi * 0.005)
-    assert volume_of(Box(SIZE)) == pytest.approx(VOLUME)
+    assert solid_of(Sphere(0.3)).mass == pytest.approx(4 / 3 * np.pi * 0.027)
+    assert solid_of(Cylinder(0.1, 0.5)).mass == pytest.approx(np.pi * 0.005)
+    assert solid_of(Box(SIZE)).mass == pytest.approx(VOLUME)
     pill = Capsule(np.zeros(3), np.array([0.0, 0.3, 0.4]), 0.1)
-    assert volume_of(pill) == pytest.approx(np.pi * 0.005 + 4 / 3 * np.pi * 0.001)
+    assert solid_of(pill).mass == pytest.approx(np.pi * 0.005 + 4 / 3 * np.pi * 0.001)
 
 
 def test_the_volume_of_a_mesh_depends_on_no_frame_and_no_winding() -> None:
@@ -178,6 +179,10 @@ def test_the_volume_of_a_mesh_depends_on_no_frame_and_no_winding() -> None:
     moved = box_triangles(SIZE, CENTRE) @ turn.T + np.array([3.0, -2.0, 1.0])
     for triangles in (moved, moved[:, ::-1]):
         assert mesh_volume(triangles, "a.stl") == pytest.approx(VOLUME, rel=1e-9)
+        whole = solid_of(Box(SIZE, turn, turn @ CENTRE + np.array([3.0, -2.0, 1.0])))
+        np.testing.assert_allclose(solid_of(Mesh("a.stl"), triangles).pseudo, whole.pseudo, rtol=1e-9, atol=1e-12)
+        lidless = solid_of(Mesh("a.stl"), triangles[2:])
+        assert 0.7 * VOLUME < lidless.mass < VOLUME and lidless.is_consistent()
 
 
 def constraints(folder: Path, text: str, mesh: str = "upper.stl", scale: str = "") -> tuple[float, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from dynident.model.inertia import Inertia
 from dynident.model.plausible import bounding_ellipsoids, plausible_constraints, shape_clouds
 from dynident.model.robot import Link, Robot, rotation_about
 from dynident.model.shapes import Box, Capsule, Cylinder, Sphere
+from dynident.robot_files.solids import solid_of
 
 #: An L of two boxes, as a link of an arm that turns a corner.
 L_SHAPE = (
@@ -36,6 +38,8 @@ L_SHAPE = (
 
 DENSITY = 2700.0
 
+Solid: TypeAlias = Box | Capsule | Cylinder | Sphere
+
 
 def second_moment(points: Array, weights: Array) -> Array:
     """Return the pseudo-inertia of point masses."""
@@ -43,10 +47,15 @@ def second_moment(points: Array, weights: Array) -> Array:
     return (lifted.T * weights) @ lifted
 
 
-def points_in(shape: Box | Capsule | Sphere, generator: np.random.Generator, count: int) -> Array:
-    """Return points all over a shape, by rejection."""
+def points_in(shape: Solid, generator: np.random.Generator, count: int) -> Array:
+    """Return points all over a shape."""
     if isinstance(shape, Box):
         return (generator.uniform(-0.5, 0.5, (count, 3)) * shape.size) @ shape.rotation.T + shape.translation
+    if isinstance(shape, Cylinder):
+        radius, turn = shape.radius * np.sqrt(generator.uniform(size=count)), generator.uniform(0.0, 2 * np.pi, count)
+        along = shape.length * generator.uniform(-0.5, 0.5, count)
+        own = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), along])
+        return own @ shape.rotation.T + shape.translation
     ball = generator.normal(size=(count, 3))
     ball *= generator.uniform(size=(count, 1)) ** (1 / 3) / np.linalg.norm(ball, axis=1, keepdims=True)
     if isinstance(shape, Sphere):
@@ -60,17 +69,18 @@ def turned_to(along: Array) -> Array:
     return rotation_about(axis / np.linalg.norm(axis), np.arctan2(np.linalg.norm(axis), along[2]))
 
 
-def random_shapes(generator: np.random.Generator) -> tuple[Box | Capsule | Sphere, ...]:
+def random_shapes(generator: np.random.Generator, kinds: int = 4) -> tuple[Solid, ...]:
     """Return a chain of two to five shapes that bends at random."""
     place, shapes = 0.2 * generator.normal(size=3), []
     for _ in range(generator.integers(2, 6)):
         step = generator.normal(size=3)
         step *= generator.uniform(0.15, 0.4) / np.linalg.norm(step)
         girth = generator.uniform(0.03, 0.08)
-        kind = generator.integers(3)
+        kind, length = generator.integers(kinds), float(np.linalg.norm(step))
         if kind == 0:
-            size = np.array([girth, girth, np.linalg.norm(step)])
-            shapes.append(Box(size, turned_to(step), place + step / 2))
+            shapes.append(Box(np.array([girth, girth, length]), turned_to(step), place + step / 2))
+        elif kind == 3:
+            shapes.append(Cylinder(girth, length, turned_to(step), place + step / 2))
         else:
             shapes.append(Capsule(place, place + step, girth) if kind == 1 else Sphere(girth, place))
         place = place + step
@@ -81,7 +91,7 @@ def test_all_matter_in_the_shapes_is_allowed() -> None:
     """Points and bodies of random density in seeded chains of boxes, capsules and balls: none is refused."""
     generator, coarse = np.random.default_rng(5), 0
     for _ in range(16):
-        shapes = random_shapes(generator)
+        shapes = random_shapes(generator, 3)
         found = np.array(with_quadrics(Link("link", shapes=shapes)).quadrics)
         coarse += len(found) > 0
         if not len(found):
@@ -131,7 +141,7 @@ def test_shapes_that_do_not_hold_the_nominal_body_have_one_ellipsoid() -> None:
     assert with_quadrics(Link("link", shapes=L_SHAPE)).quadrics
 
 
-def shape_xml(shape: Box | Capsule | Sphere, folder: Path, unit: float, is_open: bool, number: int) -> str:
+def shape_xml(shape: Solid, folder: Path, unit: float, is_open: bool, number: int) -> str:
     """Return a URDF geometry with its pose; a box may be a mesh file in metres or millimetres, closed or open."""
     turn, place, text = np.eye(3), np.zeros(3), ""
     if isinstance(shape, Sphere):
@@ -139,6 +149,9 @@ def shape_xml(shape: Box | Capsule | Sphere, folder: Path, unit: float, is_open:
     elif isinstance(shape, Capsule):
         place, turn = (shape.start + shape.end) / 2, turned_to(shape.end - shape.start)
         text = f'<capsule radius="{shape.radius}" length="{shape.length}"/>'
+    elif isinstance(shape, Cylinder):
+        turn, place = np.asarray(shape.rotation), np.asarray(shape.translation)
+        text = f'<cylinder radius="{shape.radius}" length="{shape.length}"/>'
     else:
         turn, place = np.asarray(shape.rotation), np.asarray(shape.translation)
         text = f'<box size="{" ".join(map(repr, shape.size.tolist()))}"/>'
@@ -152,9 +165,11 @@ def shape_xml(shape: Box | Capsule | Sphere, folder: Path, unit: float, is_open:
     return f"<collision><origin {pose}/><geometry>{text}</geometry></collision>"
 
 
-def volume_of(shape: Box | Capsule | Sphere) -> float:
+def volume_of(shape: Solid) -> float:
     if isinstance(shape, Box):
         return float(np.prod(shape.size))
+    if isinstance(shape, Cylinder):
+        return float(np.pi * shape.radius**2 * shape.length)
     length = shape.length if isinstance(shape, Capsule) else 0.0
     return float(np.pi * shape.radius**2 * (length + 4 / 3 * shape.radius))
 
@@ -191,7 +206,7 @@ def robot_of(generator: np.random.Generator, folder: Path, states_bodies: bool) 
 
 @pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.battery)])
 def test_bodies_of_known_density_meet_the_bounds_of_their_shapes(tmp_path: Path, count: int) -> None:
-    """Seeded robots with boxes, capsules, balls and meshes, in metres and millimetres, closed and open."""
+    """Seeded robots with boxes, capsules, cylinders, balls and meshes, in metres and millimetres, closed and open."""
     generator, coarse = np.random.default_rng(8), 0
     for k in range(count):
         robot, bodies = robot_of(generator, tmp_path, bool(k % 2))
@@ -201,9 +216,37 @@ def test_bodies_of_known_density_meet_the_bounds_of_their_shapes(tmp_path: Path,
             assert known.body_ellipsoid is not None
             rows = [known.body_ellipsoid.quadric, *known.body_ellipsoid.slabs(known.reach), *known.quadrics]
             assert min(np.sum(body * row) for row in rows) >= 0.0
+            assert spread_of(body) >= known.thickness**2
             assert known.mass.low <= mass <= known.mass.high
             coarse += len(known.quadrics) > 0
     assert coarse >= count / 2
+
+
+def spread_of(body: Array) -> float:
+    """Return the least mean square distance of a pseudo-inertia from a plane through its centre of mass."""
+    second = body / body[3, 3]
+    return float(np.linalg.eigvalsh(second[:3, :3] - np.outer(second[:3, 3], second[:3, 3]))[0])
+
+
+def test_matter_at_the_ends_of_one_mesh_is_allowed(tmp_path: Path) -> None:
+    """Four blocks on a thin cross and mast: their body reaches further than the bounds of one ellipsoid allow."""
+    ends = [0.2 * sign * np.eye(3)[axis] for axis in (0, 1) for sign in (-1, 1)]
+    parts = [Box(np.full(3, 0.06), translation=end) for end in ends]
+    parts += [Box(np.array(size)) for size in ([0.34, 0.01, 0.01], [0.01, 0.34, 0.01], [0.01, 0.01, 0.46])]
+    write_stl(tmp_path / "cross.stl", np.vstack([box_triangles(one.size, one.translation) for one in parts]))
+    path = tmp_path / "robot.urdf"
+    path.write_text(
+        '<robot name="cross"><link name="base"/><link name="cross"><collision><geometry><mesh filename="cross.stl"/>'
+        '</geometry></collision></link><joint name="joint" type="continuous"><parent link="base"/><child link="cross"/>'
+        '<axis xyz="0 0 1"/></joint></robot>'
+    )
+    read, faults = with_mesh_points(read_robot(path), str(path))
+    body = sum((solid_of(part).pseudo for part in parts), np.zeros((4, 4)))
+    for robot, is_allowed in ((read, True), (replace(read, links=(replace(read.links[0], solids=()),)), False)):
+        known = plausible_constraints(robot).links["cross"]
+        assert known.body_ellipsoid is not None and known.thickness**2 <= spread_of(body)
+        assert bool(np.all(np.sum(known.body_ellipsoid.slabs(known.reach) * body, axis=(1, 2)) >= 0.0)) is is_allowed
+    assert faults == ()
 
 
 @pytest.mark.parametrize("long", [2.0, 8.0, 12.0, 30.0])

@@ -16,7 +16,7 @@ from dynident.identification.consistency import consistent_fit as fitting
 from dynident.identification.consistency.barrier import inside, solve_barrier
 from dynident.identification.consistency.certificate import check_room, deepest
 from dynident.identification.consistency.conditions import conditions_of
-from dynident.identification.consistency.conic import ConicCandidate, solve_conic, solve_whitened
+from dynident.identification.consistency.conic import ConicCandidate, solve_conic
 from dynident.identification.consistency.consistent_fit import (
     METRICS,
     ConsistentFit,
@@ -142,12 +142,12 @@ def test_arms_of_grams_and_of_tonnes(mass: float, metric: Metric) -> None:
 
 @pytest.mark.parametrize("metric", ["natural", "pull_back"])
 @pytest.mark.parametrize("seed", [0, pytest.param(11, marks=pytest.mark.battery)])
-def test_three_paths_reach_one_optimum(seed: int, metric: Metric) -> None:
+def test_both_paths_reach_one_optimum(seed: int, metric: Metric) -> None:
     posed = noisy(seed)
     program = pose_program(*posed, metric=metric)
     start = inside(program)
     assert start is not None
-    found = [solve_conic(program), solve_whitened(program), solve_barrier(program, start)]
+    found = [solve_conic(program), solve_barrier(program, start)]
     values = [program.objective(each.phi) for each in found]
     assert np.ptp(values) <= 3e-7 * (values[0] + 0.5)
     assert all(optimality(program, each.phi, each.multipliers).gap < 1e-6 for each in found)
@@ -229,15 +229,11 @@ def test_later_paths_stand_in_for_broken_ones(
     assert whole.path == "Clarabel" and whole.failed == ()
     monkeypatch.setattr(fitting, "solve_conic", fault)
     second = fit_of(posed)
-    assert second.path == "Clarabel, whitened" and len(second.failed) == 1
-    monkeypatch.setattr(fitting, "solve_whitened", fault)
-    third = fit_of(posed)
-    assert third.path == "log-det barrier" and len(third.failed) == 2
-    for other in (second, third):
-        check(posed, other)
-        assert other.optimality.objective == pytest.approx(whole.optimality.objective, abs=1e-7)
+    assert second.path == "log-det barrier" and len(second.failed) == 1
+    check(posed, second)
+    assert second.optimality.objective == pytest.approx(whole.optimality.objective, abs=1e-7)
     monkeypatch.setattr(fitting, "solve_barrier", fault)
-    with pytest.raises(SolverFailed, match=r"Clarabel.*whitened.*log-det barrier.*check the units"):
+    with pytest.raises(SolverFailed, match=r"Clarabel.*log-det barrier.*check the units"):
         fit_of(posed)
 
 
@@ -285,8 +281,7 @@ def thinnest(theta: Array) -> Array:
     return np.array(found)
 
 
-@pytest.mark.parametrize("path", (solve_conic, solve_whitened))
-def test_every_path_keeps_the_minimum_thickness(path: Callable[[Program], ConicCandidate]) -> None:
+def test_both_paths_keep_the_minimum_thickness() -> None:
     posed, least = noisy(4, joints=3), 0.1
     known = Constraints({link.name: BodyConstraints(thickness=least) for link in posed[0].robot.links})
     count = posed[0].inertial_count
@@ -298,7 +293,7 @@ def test_every_path_keeps_the_minimum_thickness(path: Callable[[Program], ConicC
     program = pose_program(*posed, constraints=known)
     start = inside(program)
     assert start is not None
-    for other in (path(program), solve_barrier(program, start)):
+    for other in (solve_conic(program), solve_barrier(program, start)):
         found = optimality(program, other.phi, other.multipliers)
         assert found.gap < 1e-5
         assert found.objective == pytest.approx(fit.optimality.objective, rel=1e-5)

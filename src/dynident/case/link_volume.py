@@ -12,8 +12,9 @@ from dynident.case.mesh_bounds import check_unit
 from dynident.errors import BadOption, FileError
 from dynident.model.body_constraints import ValueRange
 from dynident.model.robot import Robot
-from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Sphere
+from dynident.model.shapes import Mesh
 from dynident.robot_files.meshes import mesh_triangles, outermost
+from dynident.robot_files.solids import solid_of
 
 
 def mass_of_density(
@@ -47,24 +48,13 @@ def mass_of_density(
             check_unit(robot, index, shape, outermost(triangles.reshape(-1, 3)))
             volume += mesh_volume(triangles, shape.file)
         else:
-            volume += volume_of(shape)
+            volume += solid_of(shape).mass
     low, high = max(density.low * volume, mass.low), min(density.high * volume, mass.high)
     if low > high:
         stated = f"{mass.low:g} to {mass.high:g} kg" if mass.low < mass.high else f"{mass.low:g} kg"
         evidence = f"{density.low:g} to {density.high:g} kg/m^3 x {volume:.3g} m^3 of {link.name}"
         raise BadOption("density", evidence, f"none of it has the stated mass of {stated}; correct one of the two")
     return ValueRange(low, high)
-
-
-def volume_of(shape: Box | Cylinder | Capsule | Sphere) -> float:
-    """Return the volume of a shape, in m^3."""
-    if isinstance(shape, Box):
-        return float(np.prod(shape.size))
-    if isinstance(shape, Cylinder):
-        return float(np.pi * shape.radius**2 * shape.length)
-    if isinstance(shape, Capsule):
-        return shape.volume
-    return float(4.0 / 3.0 * np.pi * shape.radius**3)
 
 
 def mesh_volume(triangles: Array, name: str) -> float:

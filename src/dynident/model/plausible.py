@@ -26,11 +26,14 @@ LOOK_DENSITY = 500.0 / np.sqrt(5.0)
 #: Least radius of gyration about any axis through the centre of mass, as a share of the extent of the link.
 GYRATION_SHARE = 0.05
 
-#: The minimum thickness over that of the uniform body in the ellipsoid, at most; boxes have 0.745, cylinders 0.645.
+#: The minimum thickness over that of the body that fills the shapes, else the ellipsoid, and of shapes that none fills.
 UNIFORM_SHARE, SHAPE_SHARE = 0.8, 0.64
 
 #: How far a body of equal density may reach, in half widths of the ellipsoid of its link; of shapes with quadrics.
 REACH, ENDS_REACH = 1.5, 2.0
+
+#: How far a body may reach over how far one does that fills the shapes of the link, whose matter may be at the ends.
+SOLID_REACH = 1.1
 
 #: Bounds of a mass and of the total mass as factors about the nominal value.
 MASS_FACTOR, TOTAL_FACTOR = 3.0, 1.5
@@ -56,13 +59,16 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
     clouds = [link_points(robot, i) for i in range(len(robot.links))]
     for link, points, ellipsoid, mass in zip(robot.links, clouds, bounding_ellipsoids(clouds), masses, strict=True):
         body = known.links.get(link.name, BodyConstraints())
-        uniform = float(np.min(ellipsoid.semi_axes)) / np.sqrt(5.0)
+        full = [solid for solid in link.solids if np.sum(solid.pseudo * ellipsoid.quadric) > 0.0]
         share = SHAPE_SHARE if link.shapes or link.visuals else UNIFORM_SHARE
-        thickness = min(GYRATION_SHARE * extent_of(points) / np.sqrt(2.0), share * uniform)
+        thin = [UNIFORM_SHARE * _equal_density(solid)[0][0] for solid in full] or [share * min(ellipsoid.semi_axes)]
+        thickness = float(min(GYRATION_SHARE * extent_of(points) / np.sqrt(2.0), min(thin) / np.sqrt(5.0)))
         if body.body_ellipsoid is None and body.body_box is None:
             wide = outgrown(link, ellipsoid)
+            space = wide or ellipsoid
             quadrics, reach = (link.quadrics, ENDS_REACH) if link.quadrics and not wide else ((), REACH)
-            body = replace(body, body_ellipsoid=wide or ellipsoid, reach=reach, quadrics=quadrics)
+            reach = max([reach, *(SOLID_REACH * _reach_of(solid.pseudo / solid.mass, space) for solid in full)])
+            body = replace(body, body_ellipsoid=space, reach=reach, quadrics=quadrics)
         if body.mass == ValueRange() and mass > 0:
             body = replace(body, mass=ValueRange(mass / MASS_FACTOR, mass * MASS_FACTOR))
         bodies[link.name] = replace(body, thickness=body.thickness or thickness)
@@ -103,9 +109,13 @@ def wider_bounds(
 
 def _with_room(space: Ellipsoid, second: Array, reach: float) -> Ellipsoid | None:
     """Return an ellipsoid scaled to hold a body of pseudo-inertia ``second`` per mass (4, 4); None where it does."""
-    slabs = np.sum(second * space.slabs(reach), axis=(1, 2)) / (NEAREST * reach**2 / 6.0)
-    ratio = 1.0 - min(np.sum(second * space.quadric), np.min(slabs))
+    ratio = max(1.0 - np.sum(second * space.quadric), (_reach_of(second, space) / reach) ** 2)
     return replace(space, semi_axes=space.semi_axes * np.sqrt(ratio) * SPARE) if ratio > 1.0 else None
+
+
+def _reach_of(second: Array, space: Ellipsoid) -> float:
+    """Return the reach with which the slabs of an ellipsoid just hold a body of pseudo-inertia ``second`` per mass."""
+    return float(np.sqrt(-6.0 / NEAREST * np.min(np.sum(second * space.slabs(0.0), axis=(1, 2)))))
 
 
 def consistency_defects(links: Iterable[Link]) -> dict[str, str]:

@@ -156,6 +156,7 @@ class Link:
         visuals: What only shows it and touches nothing: it bounds the link's body as its shapes do.
         impossible: Which of several links of the file that are one here state an inertia that no body has, and why.
         quadrics: Q with (x, 1)' Q (x, 1) >= 0 in all its shapes, shape (4, 4) each; where one ellipsoid is too coarse.
+        solids: Bodies of one density that fill what touches, and what shows it, as far as their files are read.
     """
 
     name: str
@@ -165,6 +166,7 @@ class Link:
     visuals: tuple[Shape, ...] = ()
     impossible: str = ""
     quadrics: tuple[Array, ...] = ()
+    solids: tuple[Inertia, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The last path of the consistent fit: Newton on a log-det barrier.
+"""The second path of the consistent fit: Newton on a log-det barrier.
 
 minimise f(phi) - mu (sum_k log s_k + sum_i log det (P_i(phi) - margin I)) over the equations, for mu falling to zero
 (Boyd and Vandenberghe 2004, 11.3 and 11.6). Each Newton step is a least-squares problem in the rows of the Hessian's

@@ -1,4 +1,4 @@
-"""The first and the second path of the consistent fit: Clarabel, on the triangle as it is and in whitened variables."""
+"""The first path of the consistent fit: Clarabel on the triangle as it is."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from dynident.identification.consistency.conditions import (
     vector_rows,
 )
 from dynident.identification.consistency.program import Multipliers, Program, whitened_rows
-from dynident.model.lapack import lapack_of_scipy, solve_upper
-from dynident.model.reduction import triangle_of
+from dynident.model.lapack import lapack_of_scipy
 
 
 @dataclass(frozen=True)
@@ -123,25 +122,6 @@ def _entropy_and_conditions(program: Program, rows: int) -> tuple[Array, list[Ar
         linear[: 10 * program.links] = program.weight * _trace_gradient(program)
         linear[first:].reshape(-1, 14)[:, 10:] = -program.weight
     return linear, blocks, offsets, cones
-
-
-def solve_whitened(program: Program) -> ConicCandidate:
-    """Return Clarabel's answer in variables in which the Hessian at the prior is the identity: phi = free + J^-1 v.
-
-    The quadratic part only; another scaling of the same problem, for where the first stalls.
-    """
-    size = program.data.shape[1]
-    stacked = np.vstack([program.data, program.pull])
-    full = np.column_stack([stacked, np.concatenate([program.target, program.pull_target])])
-    factor = triangle_of(full)
-    root, aim = factor[:size, :size], factor[:size, size]
-    free = solve_upper(root, aim)  # the optimum without conditions; v counts from there
-    inside, offset, cones = cone_rows(program.conditions)
-    turned = solve_upper(root, inside.T, transposed=True).T
-    found = run_clarabel(np.eye(size), np.zeros(size), turned, offset - inside @ free, cones)
-    phi = free + solve_upper(root, np.array(found.x))
-    duals = split_duals(program.conditions, np.array(found.z))
-    return ConicCandidate(phi, duals, str(found.status), int(found.iterations))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dynident.errors import SolverFailed
 from dynident.identification.consistency.barrier import inside, solve_barrier
 from dynident.identification.consistency.certificate import check_room
 from dynident.identification.consistency.conditions import Conditions, conditions_of
-from dynident.identification.consistency.conic import ConicCandidate, solve_conic, solve_whitened
+from dynident.identification.consistency.conic import ConicCandidate, solve_conic
 from dynident.identification.consistency.program import Optimality, Program, optimality, whitened_rows
 from dynident.identification.estimate.plausibility import ConsistentRun
 from dynident.identification.problem.prior import PULL, Scale, natural_scale
@@ -177,9 +177,8 @@ def lifted(bodies: Array) -> Array:
 
 def paths_of(program: Program) -> dict[str, Path]:
     """Return the ways to solve a program, the first choice first."""
-    if program.weight:
-        return {"Clarabel with exponential cones": solve_conic, "log-det barrier": solve_barrier}
-    return {"Clarabel": solve_conic, "Clarabel, whitened": solve_whitened, "log-det barrier": solve_barrier}
+    first = "Clarabel with exponential cones" if program.weight else "Clarabel"
+    return {first: solve_conic, "log-det barrier": solve_barrier}
 
 
 def _check_room(program: Program) -> None:

@@ -18,9 +18,9 @@ from dynident.robot_files.mesh_files import folders_above
 from dynident.robot_files.meshes import mesh_triangles
 from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument
-from dynident.robot_files.mjcf.mesh_bodies import MeshKind, hull_of, mesh_body
 from dynident.robot_files.mjcf.poses import Pose, placed, pose_of
 from dynident.robot_files.rotations import rotation_from_quaternion, rotation_to_axis
+from dynident.robot_files.solids import MeshKind, hull_of, mesh_body, solid_body
 from dynident.robot_files.xml_elements import Element
 from dynident.robot_files.xml_values import Values
 
@@ -188,7 +188,7 @@ class Geoms:
             unit = self._meshes.body(values)
         else:
             size = self._size(values, kind)
-            unit = (_shell if values.flag("shellinertia", False) else _solid)(values, kind, size)
+            unit = _shell(values, kind, size) if values.flag("shellinertia", False) else solid_body(kind, size)
         if mass is not None and not (unit.mass and np.isfinite(mass / unit.mass)):
             evidence = f"size {shown(values.text('size'))} is too small for its mass of {mass:g} kg"
             raise values.place.error(evidence, f"write lengths in m, or {_WRITE}")
@@ -248,23 +248,6 @@ class Geoms:
         if ends is None:
             return placed(frame, pose_of(values, self._document.compiler))
         return placed(frame, (rotation_to_axis(ends[1] - ends[0]), 0.5 * (ends[0] + ends[1])))
-
-
-def _solid(values: Values, kind: str, size: Array) -> Inertia:
-    """Return a solid of unit density about its centre."""
-    if kind in ("sphere", "ellipsoid", "box"):
-        half = np.full(3, size[0]) if kind == "sphere" else size
-        mass = float(8.0 * np.prod(half)) if kind == "box" else float(4.0 / 3.0 * np.pi * np.prod(half))
-        squares = half**2 / (3.0 if kind == "box" else 5.0)
-        return Inertia(mass, np.zeros(3), mass * np.diag(squares.sum() - squares))
-    radius, half = size[0], size[1]
-    tube = float(2.0 * np.pi * radius**2 * half)
-    across, along = tube * (radius**2 / 4.0 + half**2 / 3.0), tube * radius**2 / 2.0
-    ball = float(4.0 / 3.0 * np.pi * radius**3) if kind == "capsule" else 0.0
-    # Two half balls, whose centres of mass are 3/8 of the radius beyond the ends.
-    along += 0.4 * ball * radius**2
-    across += ball * (0.4 * radius**2 + half**2 + 0.75 * half * radius)
-    return Inertia(tube + ball, np.zeros(3), np.diag([across, across, along]))
 
 
 def _shell(values: Values, kind: str, size: Array) -> Inertia:
