@@ -168,8 +168,10 @@ class Inertia:
 
     def solid(self) -> Inertia | None:
         """Return a strictly consistent body: this one, or a flat one made thicker; None where there is none."""
-        if self.defect() or self.is_consistent():
-            return None if self.defect() else self
+        if self.defect():
+            return None
+        if self.is_consistent():
+            return self
         thick = 10.0 * ROUNDED * np.trace(self.about_centre) * np.eye(3)
         found = Inertia(self.mass, self.first_moment, self.rotational + thick)
         return found if found.is_consistent() else None
