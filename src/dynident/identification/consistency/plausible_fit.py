@@ -317,12 +317,12 @@ def _contradicted(
             if np.sum(setting.costs(inner)) - setting.free <= least:  # nothing is cheaper than the free fit
                 break
             falls = setting.falls(bounds, active, inner)
-            if np.sum(falls[0] / factors) <= least:
+            large = [key for key in active if limits[key[1]] < np.sum(falls[0] / factors)]
+            if not large:  # none matters alone where all together do not
                 break
-            each = {key: setting.falls(bounds, [key], inner) if active[1:] else falls for key in active}
-            statistics = {key: float(np.sum(each[key][0] / factors)) for key in active}
-            key = max(active, key=lambda key: statistics[key] - limits[key[1]])
-            name, bound = key
+            each = {key: setting.falls(bounds, [key], inner) if active[1:] else falls for key in large}
+            statistics = {key: float(np.sum(fall / factors)) for key, (fall, _) in each.items()}
+            name, bound = key = max(large, key=lambda key: statistics[key] - limits[key[1]])
             if statistics[key] <= limits[bound]:
                 break
             gain = 1.0 - float(np.sqrt(1.0 - np.sum(each[key][0]) / np.sum(setting.costs(inner))))
