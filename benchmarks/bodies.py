@@ -12,7 +12,6 @@ Weights: the same with multiples of the weight of the pull, and beside it what c
 knows the law of the disturbance (maximum a posteriori over its 16 numbers a link, not convex).
 
 Time: the fit within bounds, pulled and proved, over the row ``consistent_fit`` on the same QR factors, processor time.
-
 Shapes: of random bodies that one ellipsoid, its slabs and the least thickness allow, the share that no body in the
 ellipsoids about each shape can be (a conic program each), and the share that the quadrics of the link refuse.
 
@@ -33,6 +32,7 @@ import scipy.linalg
 import scipy.optimize
 
 from benchmarks.real_data import CASES, RUNS, data_of, how_of
+from benchmarks.speed.rows import consistent_fit as row
 from benchmarks.strangers.arms import gen3, iiwa, irb, scara, so100, tx2, ur5e, xarm
 from benchmarks.strangers.plant import urdf
 from dynident import DynamicModel, FourierSeries, Preprocessing, read_case, read_robot
@@ -302,11 +302,7 @@ def log_of(model, theta, seed):
 def ratios_of_time(repeats=5):
     """Print the least processor time of each fit of an arm, in turns, and the ratio."""
     print("| arm | consistent_fit | plausible, ms | ratio |\n|---|---|---|---|")
-    for name, robot in robots():
-        model = DynamicModel(robot, (Viscous(),))
-        theta = described_truth(model)
-        nominal = told(model, disturbed(model, theta, 0))
-        problem = build_problem(nominal, [log_of(model, theta, 0)], Preprocessing(AsGiven(), rest="keep"))
+    for name, problem in timed_problems():
         weights = WLS().solve(problem).weights
         reduced, scale = problem.reduced(weights), scale_of(problem)
         fits = (
@@ -323,6 +319,20 @@ def ratios_of_time(repeats=5):
                 spent[turn, k] = 1000 * (time.process_time() - start)
         free, plausible = spent.min(axis=0)
         print(f"| {name} | {free:.1f} | {plausible:.1f} | {plausible / free:.1f} |", flush=True)
+
+
+def timed_problems():
+    """Yield the problems of :func:`truth` in their first draw, and that of the row ``consistent_fit``."""
+    how = Preprocessing(AsGiven(), rest="keep")
+    for name, robot in robots():
+        model = DynamicModel(robot, (Viscous(),))
+        theta = described_truth(model)
+        yield name, build_problem(told(model, disturbed(model, theta, 0)), [log_of(model, theta, 0)], how)
+    model = DynamicModel(read_robot("generic-6r"), ("coulomb", "viscous", "rotor_inertia"))
+    motion = model.random_motion(row.ROWS // model.robot.dof, 0)
+    torque = model.torque(motion, model.nominal()) + row.NOISE * np.random.default_rng(0).normal(size=motion.q.shape)
+    log = Log(model.robot.joint_names, np.arange(len(torque)) / RATE, motion.q, motion.dq, motion.ddq, torque)
+    yield "generic-6r", build_problem(model, [log], how)
 
 
 def shapes(count=400):

@@ -167,14 +167,14 @@ def test_a_wrong_mass_of_the_robot_model_is_relaxed_and_named(
     np.testing.assert_allclose(again.fit.theta, solution.theta, rtol=1e-4, atol=1e-6)
 
 
-@pytest.mark.parametrize(("seed", "noise"), [(0, 0.02), (1, 0.02), (2, 0.02), (3, 0.02), (0, 0.0), (0, 1e-9)])
+@pytest.mark.parametrize(("seed", "noise"), [(0, 0.02), (1, 0.02), (2, 0.02), (0, 1.0), (0, 0.0), (0, 1e-9)])
 def test_nothing_is_relaxed_where_the_robot_model_is_right(
     spatial_3r: Robot, exact_log: MakeLog, seed: int, noise: float
 ) -> None:
     problem, truth = problem_of(spatial_3r, exact_log, seed=seed, noise=noise)
     found = plausible_fit(problem, weights_of(problem), 0.01, 1e-8)
     assert found.facts.contradicted == ()
-    assert found.facts.weight > 1.0  # the nominal bodies are the true ones
+    assert found.facts.weight > 1.0 and found.fit.failed == ()  # the nominal bodies are the true ones
     masses = found.fit.theta[9:30:10] / truth[9:30:10]
     np.testing.assert_allclose(masses, 1.0, atol=0.1)
 

@@ -52,7 +52,8 @@ def solve_conic(program: Program) -> ConicCandidate:
     linear[:size] -= program.pull.T @ program.pull_target
     residual = _widened(np.hstack([program.data, -np.eye(rows)]), len(linear))
     matrix, offset = np.vstack([residual, *blocks]), np.concatenate([program.target, *offsets])
-    found = run_clarabel(quadratic, linear, matrix, offset, [_clarabel().ZeroConeT(rows), *cones])
+    gap = 1e-8 / max(1.0, 4.0 * program.links * program.weight)  # of values without the constant part of the prior
+    found = run_clarabel(quadratic, linear, matrix, offset, [_clarabel().ZeroConeT(rows), *cones], gap)
     duals = split_duals(program.conditions, np.array(found.z)[rows:])
     return ConicCandidate(np.array(found.x)[:size], duals, str(found.status), int(found.iterations))
 
@@ -147,12 +148,14 @@ def _widened(rows: Array, width: int) -> Array:
     return np.hstack([rows, np.zeros((len(rows), width - rows.shape[1]))])
 
 
-def run_clarabel(quadratic: Array, linear: Array, matrix: Array, offset: Array, cones: list[Any]) -> Any:
-    """Return Clarabel's answer to min x'Px/2 + q'x with A x + s = b, s in the cones; P upper triangular."""
+def run_clarabel(
+    quadratic: Array, linear: Array, matrix: Array, offset: Array, cones: list[Any], gap: float = 1e-8
+) -> Any:
+    """Return Clarabel's answer to min x'Px/2 + q'x with A x + s = b, s in the cones, to a gap; P upper triangular."""
     clarabel = _clarabel()
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.max_threads = 1
+    settings.max_threads, settings.tol_gap_rel = 1, gap
     return clarabel.DefaultSolver(_columns(quadratic), linear, _columns(matrix), offset, cones, settings).solve()
 
 

@@ -172,7 +172,7 @@ def largest_weight(pulled: Program, inner: Answer, rows: int, limit: float) -> t
         if best[1] < weight and rise <= limit:
             best = answer, weight
         place = np.array([np.log(weight), np.log(rise) - aim])
-        if abs(place[1]) <= -np.log(NEAR):
+        if abs(place[1]) <= -np.log(NEAR) or (weight == MOST and rise <= limit):
             break
         if last is not None and place[0] != last[0]:
             slope = float(np.clip((place[1] - last[1]) / (place[0] - last[0]), 0.1, 3.0))
