@@ -10,7 +10,13 @@ from dynident.actuators.estimate import ActuatorEstimate
 from dynident.actuators.free_bodies import NORMAL_95, with_bodies
 from dynident.actuators.parameters import PLACE, SCALE_POWER
 from dynident.arrays import Array
+from dynident.identification.consistency.conditions import conditions_of
+from dynident.identification.consistency.consistent_fit import MARGIN
+from dynident.identification.problem.prior import natural_scale
+from dynident.model.body_constraints import Constraints
+from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
+from dynident.model.plausible import plausible_constraints
 from dynident.model.robot import Robot
 
 #: Standard deviation of the logarithms of mass and second moments of each link, and of its centre of mass in radii of
@@ -19,17 +25,27 @@ SHARE = 0.3
 
 
 def disturbed(robot: Robot, random: np.random.Generator) -> Robot:
-    """Return a robot model whose bodies are off, each by draws of its own: mass, centre of mass, inertia about it."""
-    found = []
-    for link in robot.links:
-        body = link.inertia
-        assert body is not None
-        mass = body.mass * np.exp(SHARE * random.standard_normal())
-        radius = np.sqrt(0.5 * np.trace(body.about_centre) / body.mass)
-        centre = body.centre_of_mass + SHARE * radius * random.standard_normal(3) / np.sqrt(3.0)
-        about = body.about_centre * mass / body.mass * np.exp(SHARE * random.standard_normal())
-        found.append(Inertia.from_centre_of_mass(mass, centre, about).vector)
-    return with_bodies(robot, np.array(found))
+    """Return a robot model whose bodies are off, each by draws of its own: mass, centre of mass, inertia about it.
+
+    Draws whose plausible bounds do not hold the true bodies are made again: nothing within these bounds is right there.
+    """
+    while True:
+        found = with_bodies(robot, np.array([_off(link.inertia, random) for link in robot.links]))
+        model, still = DynamicModel(found), np.zeros(found.dof)
+        sizes = natural_scale(model, still, still)
+        rules = conditions_of(model, sizes, MARGIN, plausible_constraints(found, Constraints()))
+        if rules.shortfall(np.asarray(robot.nominal) / sizes.parameters) <= 0.0:
+            return found
+
+
+def _off(body: Inertia | None, random: np.random.Generator) -> Array:
+    """Return a body that is off, (10,)."""
+    assert body is not None
+    mass = body.mass * np.exp(SHARE * random.standard_normal())
+    radius = np.sqrt(0.5 * np.trace(body.about_centre) / body.mass)
+    centre = body.centre_of_mass + SHARE * radius * random.standard_normal(3) / np.sqrt(3.0)
+    about = body.about_centre * mass / body.mass * np.exp(SHARE * random.standard_normal())
+    return Inertia.from_centre_of_mass(mass, centre, about).vector
 
 
 def held(found: ActuatorEstimate, robot: Robot, true: Array) -> dict[str, object]:

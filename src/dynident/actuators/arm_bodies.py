@@ -7,7 +7,8 @@ answer of the last one,
 minimise    |e + A (K theta / s - beta) + a (s - 1)|^2 / 2 + |L (theta / t - theta_0)|^2 / 2 + (t - 1)^2 / 2 d^2
 
 within plausible bounds. e, A: the roll-outs' errors and their derivatives by the base parameters beta = K theta, less
-what p explains, joint by joint in units of their own standard deviation (that of clustered scores). s, t: the size of
+what p explains, joint by joint in units of their own standard deviation (that of what the best bodies leave: misfit of
+bodies that are still wrong is no noise). Covariances hold how errors correlate (score_covariance). s, t: the size of
 theta beside the bodies that the motions are by and beside those of the robot model, theta_0. Bodies, torques and
 friction of one scale move alike: a is what a change of that scale does, 0 where nothing known is carried. Then the
 scale is that of the robot model, and its standard deviation d is part of all intervals.
@@ -24,13 +25,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynident.actuators.arm_coupling import Arm, Response
+from dynident.actuators.arm_coupling import Arm
 from dynident.actuators.arm_fit import finer, turned
+from dynident.actuators.body_rows import BodyRows, body_rows, regressors_of
 from dynident.actuators.free_bodies import DEVIATION, FreeBodies, with_bodies
 from dynident.actuators.joint_load import carrying, rigid_inertia
-from dynident.actuators.parameters import PLACE, SCALE_POWER, with_zero
 from dynident.actuators.servo_log import ServoLog, ServoSetup
-from dynident.actuators.verdict import pieces_of
 from dynident.arrays import Array
 from dynident.errors import NotConsistent
 from dynident.identification.consistency.conditions import conditions_of
@@ -43,7 +43,6 @@ from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
-from dynident.model.kernels import batched
 from dynident.model.plausible import plausible_constraints, uniform_body
 from dynident.model.reduction import triangle_of
 from dynident.model.robot import Robot
@@ -52,22 +51,11 @@ from dynident.model.robot import Robot
 #: parameter moves at the last.
 STEPS, MORE_TURNS, SETTLED = 12, 1, 0.2
 
-#: What the steps of the answer make of the scale, as a share, where a payload tells it: by virtual arms of three joints
-#: that are integrated by steps of 0.01 ms.
-INEXACT = 3e-4
+#: Rise of the mean logarithm of the errors from which half a step is tried, and the share of a step that ends it.
+_RISE, _LEAST_STEP = 0.02, 0.2
 
 #: Programs of a step at most, and the distance in standard deviations that the last of them goes.
 _PROGRAMS, _NEAR = 20, 0.05
-
-#: Change of a base parameter by which derivatives are found, as a share of the torque of the bodies. Larger ones move
-#: reversals and saturation from step to step: what bodies and drives share would seem to be known.
-_CHANGE = 1e-6
-
-#: Change of the zero of an encoder by which derivatives are found, in rad.
-_TURN = 1e-3
-
-#: Squared singular values below this share of the largest are directions that the errors of a joint do not see.
-_UNSEEN = 1e-8
 
 
 def free_bodies(
@@ -88,131 +76,35 @@ def free_bodies(
     """
     prior, turn, finely = _Prior(robot, setup, arm), 0, False
     theta = rigid_inertia(robot)
+    if len(arm.fits) == 1:  # it has been on its measured motion so far
+        arm = turned(arm, arm.fits)
     while True:
         turn += 1
         progress(f"bodies of all links, step {turn}{' with the step of the answer' if finely else ''}")
         seen = finer(arm) if finely else arm
-        said = _said(seen, prior, theta, finely)
+        said = body_rows(seen, prior.base, prior.along_base, theta, finely)
         found, base = prior.solved(said), prior.base.from_standard(theta)
-        moved, rest = prior.base.from_standard(found.theta) - base, found.of_base(prior.base, found.scale)
-        is_settled = np.all(np.abs(moved) <= SETTLED * np.sqrt(np.diag(found.of_base(prior.base))))
-        theta = found.theta
-        at = with_bodies(robot, theta.reshape(-1, 10))
-        step = seen.fitted - seen.moved_by + said.offset + said.answer(base + moved)
-        arm = replace(arm, robots=[carrying(at, log) for log in logs], used=seen.used)
-        arm = turned(arm, arm.after(step), finely)
+        covariance, before, share, moved = found.of_base(prior.base), arm.error(), 1.0, found.theta - theta
+        while True:
+            to = prior.base.from_standard(theta + share * moved)
+            step = seen.fitted - seen.moved_by + share * said.offset + said.answer(to)
+            at = with_bodies(robot, (theta + share * moved).reshape(-1, 10))
+            tried = replace(arm, robots=[carrying(at, log) for log in logs], used=seen.used)
+            tried = turned(tried, tried.after(step), finely)
+            if finely or share < _LEAST_STEP or tried.error() < before + _RISE:
+                break
+            share *= 0.5
+        arm, theta = tried, theta + share * moved
         if finely:
-            return replace(arm, shared=said.drives @ rest @ said.drives.T, scale=found.scale), prior.bodies(found)
+            known = _best_known(to, covariance)
+            slopes = said.drives, said.drives - np.outer(said.powers, known)
+            shared = np.array([each @ covariance @ each.T for each in slopes])
+            return replace(arm, shared=shared), prior.bodies(found, float(np.sqrt(known @ covariance @ known)))
         for _ in range(MORE_TURNS):
             arm = arm.coupled(arm.spreads(), is_whole=False)
             arm = turned(arm, arm.after(arm.step()))
+        is_settled = np.all(np.abs(to - base) <= SETTLED * share * np.sqrt(np.diag(covariance)))
         finely = bool(is_settled) or turn == STEPS
-
-
-@dataclass(frozen=True)
-class _Said:
-    """What the roll-outs of all joints say of a change of the base parameters beta, shape (b,).
-
-    Attributes:
-        rows: In standard deviations of the errors, shape (r, b).
-        errors: The same of the errors as they are, shape (r,).
-        theta: The bodies, shape (10 l,).
-        base: Their base parameters, shape (b,).
-        along: How large others are beside them is ``along @ beta``, shape (b,).
-        drives: What the P free parameters of all joints answer to a change, shape (P, b).
-        offset: What they answer to the errors, shape (P,).
-        pieces: Number of pieces of logs that count as independent.
-    """
-
-    rows: Array
-    errors: Array
-    theta: Array
-    base: Array
-    along: Array
-    drives: Array
-    offset: Array
-    pieces: int
-
-    def answer(self, beta: Array) -> Array:
-        """Return what the free parameters answer to base parameters, shape (P,)."""
-        size = float(self.along @ beta)
-        return np.asarray(self.drives @ (beta / size - self.base + (size - 1.0) * self.base))
-
-
-def _said(arm: Arm, prior: _Prior, theta: Array, finely: bool) -> _Said:
-    """Return what the roll-outs say of the base parameters, from the torque of the bodies theta, shape (10 l,).
-
-    The zero of an encoder turns all bodies behind it: zeros are found from the errors of all joints together.
-    """
-    columns = [
-        np.dstack([regressor[:, :, prior.base.independent], regressor @ (rigid_inertia(robot) - theta)])
-        for robot, regressor in zip(arm.robots, _regressors(arm), strict=False)
-    ]
-    zeros = 0
-    for joint, (fit, used) in enumerate(zip(arm.fits, arm.used, strict=True)):
-        if "angle_offset" in fit.free:
-            zero, zeros = float(used[PLACE["angle_offset"]]), zeros + 1
-            after, before = (arm.torques(joint, with_zero(used, zero + by), is_whole=False) for by in (_TURN, -_TURN))
-            turn = [(one - other) / (2.0 * _TURN) for one, other in zip(after, before, strict=True)]
-            columns = [np.dstack([own, each]) for own, each in zip(columns, turn, strict=True)]
-    beta, each, spreads = prior.base.from_standard(theta), [], arm.spreads(finely)
-    count, size = len(beta), prior.along_base / (prior.along_base @ beta)
-    scale, along = np.append(beta, 1.0), np.append(size, np.zeros(zeros + 2))
-    for joint, ((one, fit), spread) in enumerate(zip(arm.pairs(), spreads, strict=True)):
-        inner = spread.inner & (np.array(one.free) != "angle_offset")
-        response = Response(one.finely if finely else one, fit, replace(spread, inner=inner, seen=np.ones_like(inner)))
-        rows, answers = _of_joint(response, [own[:, joint] for own in columns], beta)
-        own = np.where(inner, SCALE_POWER[one.places] * fit.parameters[one.places], 0.0)
-        # bodies, what is carried and all torques of one scale move alike; what is left of that is an error of columns
-        rows = _without(rows, rows[:, : count + 1] @ scale)
-        each.append((rows, answers + np.outer(own - answers[:, : count + 1] @ scale, along)))
-    rows, answers = (np.concatenate(parts) for parts in zip(*each, strict=True))
-    whole, turns, errors = slice(count), slice(count + 1, count + 1 + zeros), -1
-    first = triangle_of(np.column_stack([rows[:, turns], rows[:, whole], rows[:, errors]]))
-    lead, rest = first[:zeros], first[zeros:]
-    of_zeros = -np.linalg.solve(lead[:, :zeros], lead[:, zeros:])
-    drives = np.column_stack([answers[:, whole], answers[:, errors]]) + answers[:, turns] @ of_zeros
-    drives[arm.zeros] = of_zeros
-    rows, pieces = rest[:, zeros:-1], sum(one.pieces for one in spreads)
-    return _Said(rows, rest[:, -1], theta, beta, size, drives[:, :-1], drives[:, -1], pieces)
-
-
-def _of_joint(response: Response, columns: Sequence[Array], beta: Array) -> tuple[Array, Array]:
-    """Return rows of a joint and what its free parameters answer, from its torque by c numbers in each log, (K, c).
-
-    Both have the errors in their last column, shapes (r, c + 1) and (f, c + 1); the first b of the c numbers are beta.
-    """
-    rms = float(np.sqrt(np.mean(np.concatenate([own[:, : len(beta)] @ beta for own in columns]) ** 2)))
-    sizes = np.sqrt(np.mean(np.concatenate(columns) ** 2, axis=0))
-    moves = np.flatnonzero(sizes * max(float(np.abs(beta).max()), 1.0) > 1e-9 * rms)
-    changes = []
-    for k in moves.tolist():
-        size = _CHANGE * rms / sizes[k]
-        changes.append([change / size for change in response.changes([size * own[:, k] for own in columns])])
-    slopes, errors, answer = response.less_own([np.column_stack(own) for own in zip(*changes, strict=True)])
-    rows = np.concatenate(slopes)
-    values, vectors = np.linalg.eigh(rows.T @ rows)
-    seen = values > _UNSEEN * values[-1]
-    scores = np.array(
-        [
-            slope[piece].T @ error[piece]
-            for slope, error, count in zip(slopes, errors, pieces_of(response.problem.records), strict=True)
-            for piece in np.array_split(np.arange(len(error)), count)
-        ]
-    )
-    squares = np.sum((scores @ (vectors[:, seen] / np.sqrt(values[seen]))) ** 2)
-    unit = np.sqrt(squares / seen.sum() * len(scores) / max(len(scores) - 1, 1))
-    triangle = triangle_of(np.column_stack([rows, np.concatenate(errors)]))[: len(moves)] / unit
-    places = [*moves.tolist(), len(sizes)]
-    found = np.zeros((len(triangle), len(sizes) + 1)), np.zeros((len(answer), len(sizes) + 1))
-    found[0][:, places], found[1][:, places] = triangle, answer
-    return found
-
-
-def _without(rows: Array, direction: Array) -> Array:
-    """Return rows (r, c) less what of each column is along a direction of them, (r,)."""
-    square = float(direction @ direction)
-    return rows - np.outer(direction, direction @ rows) / square if square > 0 else rows
 
 
 @dataclass(frozen=True)
@@ -222,21 +114,18 @@ class _Solved:
     Attributes:
         theta: Shape (10 l,).
         covariance: Shape (10 l, 10 l).
-        scale: Standard deviation of a size that all of them have in common, as a share.
         program: Of the last step.
         phi: Its answer.
     """
 
     theta: Array
     covariance: Array
-    scale: float
     program: Program
     phi: Array
 
-    def of_base(self, base: BaseParameters, scale: float = 0.0) -> Array:
-        """Return the covariance of the base parameters without that of a common size, shape (b, b)."""
-        covariance = self.covariance - scale**2 * np.outer(self.theta, self.theta)
-        return np.asarray(base.matrix @ covariance @ base.matrix.T)
+    def of_base(self, base: BaseParameters) -> Array:
+        """Return the covariance of the base parameters, shape (b, b)."""
+        return np.asarray(base.matrix @ self.covariance @ base.matrix.T)
 
 
 def stated_bodies(robot: Robot, setup: ServoSetup) -> tuple[Array, Array, Constraints]:
@@ -285,7 +174,7 @@ class _Prior:
         self.along = self.base.matrix.T @ self.along_base
         self.scale = float(np.sqrt(DEVIATION**2 + self.along @ spread @ self.along))
 
-    def solved(self, said: _Said) -> _Solved:
+    def solved(self, said: BodyRows) -> _Solved:
         """Return the bodies that the roll-outs ask for.
 
         Errors depend on the bodies over their size, but for what is carried; that is linearised in each step.
@@ -314,13 +203,13 @@ class _Prior:
             if np.linalg.norm(np.vstack([rows, pull]) @ step) < _NEAR:
                 break
         curved = unit * program.curvature(phi)
-        root = np.linalg.inv(triangle_of(curved)) * self.sizes[:, None]
-        covariance = root @ root.T + INEXACT**2 * np.outer(theta, theta)
-        scale = float(np.hypot(1.0 / np.linalg.norm(curved @ phi), INEXACT))
-        return _Solved(theta, covariance, scale, program, phi)
+        root = np.linalg.inv(triangle_of(curved))
+        gain = root @ root.T @ (unit * program.data).T
+        covariance = root @ root.T + gain @ (said.noise - np.eye(len(gain.T))) @ gain.T
+        return _Solved(theta, covariance * np.outer(self.sizes, self.sizes), program, phi)
 
-    def bodies(self, found: _Solved) -> FreeBodies:
-        """Return the bodies with how far they are known."""
+    def bodies(self, found: _Solved, scale: float) -> FreeBodies:
+        """Return the bodies with how far they are known, and the standard deviation of the scale of all torques."""
         shares, verdicts = data_shares(found.program, found.phi), self.base.verdicts
         words = [label_word(*each) for each in zip(verdicts, shares.tolist(), strict=True)]
         return FreeBodies(
@@ -329,17 +218,22 @@ class _Prior:
             found.theta.reshape(-1, 10),
             np.sqrt(np.diag(found.covariance)).reshape(-1, 10),
             tuple(tuple(words[10 * k : 10 * k + 10]) for k in range(len(self.names))),
-            found.scale,
-            bool(found.scale < np.sqrt(0.5) * self.scale),
+            scale,
+            bool(scale < np.sqrt(0.5) * DEVIATION),
         )
 
 
-def _regressors(arm: Arm) -> list[Array]:
-    """Return the regressor of the standard parameters in each training log, shape (K, n, 10 l)."""
-    return [
-        batched.torque_regressor(robot.chain, motion.q, motion.dq, motion.ddq)
-        for robot, motion, _ in zip(arm.robots, arm.motions, arm.datas[0].train, strict=False)
-    ]
+def _best_known(base: Array, covariance: Array) -> Array:
+    """Return w: the scale of all bodies is w @ base, 1 at base parameters (b,), by those whose ratios are known best.
+
+    Their weights are the inverse variances beside the largest part of the covariance that is a common scale; what
+    correlates is not weighed up, as that would take derivatives that are exact to the same share.
+    """
+    sizes = np.sqrt(np.diag(covariance))
+    inverse = np.linalg.pinv(covariance / np.outer(sizes, sizes), rcond=1e-12, hermitian=True)
+    common = 1.0 / float((base / sizes) @ inverse @ (base / sizes))
+    known = base / np.maximum(sizes**2 - common * base**2, 1e-6 * sizes**2)
+    return np.asarray(known / (base @ known))
 
 
 def _torque_along(arm: Arm, base: BaseParameters, theta: Array) -> Array:
@@ -348,7 +242,7 @@ def _torque_along(arm: Arm, base: BaseParameters, theta: Array) -> Array:
     That is the projection on this torque; each joint counts alike.
     """
     beta, square = base.from_standard(theta), np.zeros((base.count, base.count))
-    rows = [regressor[:, :, base.independent] for regressor in _regressors(arm)]
+    rows = [regressor[:, :, base.independent] for regressor in regressors_of(arm)]
     for joint in range(len(arm.datas)):
         own = np.concatenate([each[:, joint] for each in rows])
         square += own.T @ own / max(float(np.sum((own @ beta) ** 2)), 1e-300)

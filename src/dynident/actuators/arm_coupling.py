@@ -13,7 +13,7 @@ from dynident.actuators.arm_motion import joint_motion
 from dynident.actuators.joint_fit import JointData, JointFit
 from dynident.actuators.joint_load import ArmMotion, MeasuredMotion, rigid_inertia
 from dynident.actuators.output_error import ServoProblem, log_errors, log_weights
-from dynident.actuators.parameters import PLACE, SCALE_POWER
+from dynident.actuators.parameters import PLACE
 from dynident.actuators.verdict import Spread, spread_of
 from dynident.arrays import Array
 from dynident.model.kernels import batched
@@ -44,8 +44,8 @@ class Arm:
         coupling: Derivatives of the free parameters that the fits find by those that the motions are by, P of all
             joints together, shape (P, P); none before they are found.
         few: Training logs by which these are found; None for all.
-        shared: Covariance that unknown bodies give the P free parameters, shape (P, P); none where they are known.
-        scale: Standard deviation of a scale that these bodies and all torques have in common, beside that.
+        shared: Covariance that unknown bodies give the P free parameters, and the same of these over the size of the
+            bodies, shape (2, P, P); none where they are known.
     """
 
     robots: Sequence[Robot]
@@ -57,8 +57,7 @@ class Arm:
     used: Sequence[Array]
     coupling: Array = field(default_factory=lambda: np.zeros((0, 0)))
     few: Sequence[int] | None = None
-    shared: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    scale: float = 0.0
+    shared: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     def error(self) -> float:
         """Return the mean logarithm of the errors of the roll-outs, over joints and logs."""
@@ -186,11 +185,8 @@ class Arm:
         owns = [slice(*ends) for ends in pairwise(self.firsts)]
         if not self.shared.size:
             return [replace(one, covariance=covariance[own, own]) for one, own in zip(spreads, owns, strict=True)]
-        ratio, power = covariance + self.shared, [SCALE_POWER[one.places] for one, _ in self.pairs()]
-        along = self.fitted * np.concatenate(power)
-        along[np.diag(covariance) <= 0.0] = 0.0  # at a bound
-        whole, pairs = ratio + self.scale**2 * np.outer(along, along), zip(spreads, owns, strict=True)
-        ratio = ratio - _along(ratio, along)
+        whole, ratio = covariance + self.shared
+        pairs = zip(spreads, owns, strict=True)
         return [replace(one, covariance=whole[own, own], ratio=ratio[own, own]) for one, own in pairs]
 
     def after(self, step: Array) -> list[JointFit]:
@@ -200,15 +196,6 @@ class Arm:
             values = np.clip(used[one.places] + step[slice(*ends)], *one.bounds())
             fits.append(replace(fit, parameters=one.full(values, fit.parameters)))
         return fits
-
-
-def _along(covariance: Array, direction: Array) -> Array:
-    """Return the largest part of a covariance (P, P) that is one direction (P,): the rest is that of ratios alone."""
-    sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    scaled = direction / sizes
-    inverse = np.linalg.pinv(covariance / np.outer(sizes, sizes), rcond=1e-12, hermitian=True)
-    weight = float(scaled @ inverse @ scaled)
-    return np.outer(direction, direction) / weight if weight > 0 else np.zeros_like(covariance)
 
 
 class Response:
@@ -225,19 +212,20 @@ class Response:
         self.sizes = np.maximum(np.linalg.norm(rows[:, self.free], axis=0), 1e-300)
         self.solve = np.linalg.pinv(rows[:, self.free] / self.sizes, rcond=_UNSEEN)
 
-    def changes(self, torques: Sequence[Array]) -> list[Array]:
-        """Return the change of the errors in each log under loads that are more by torques, each (K,)."""
+    def changes(self, more: Sequence[Array]) -> list[Array]:
+        """Return the change of the errors in each log under loads with more inertia and bias torque, each (K, 2)."""
         records = []
-        for record, torque in zip(self.problem.records, torques, strict=True):
+        for record, change in zip(self.problem.records, more, strict=True):
             loads = record.loads.copy()
-            loads[:, 1] += torque
+            loads[:, :2] += change
             records.append(replace(record, loads=loads))
         errors = replace(self.problem, records=tuple(records)).residuals(self.parameters)
         return [new - old for new, old in zip(errors, self.errors, strict=True)]
 
     def to(self, torques: Sequence[Array]) -> Array:
         """Return the change of the free parameters, shape (f,), under loads that are more by torques, each (K,)."""
-        change = [own * scale for own, scale in zip(self.changes(torques), self.scales, strict=True)]
+        more = [np.column_stack([np.zeros_like(torque), torque]) for torque in torques]
+        change = [own * scale for own, scale in zip(self.changes(more), self.scales, strict=True)]
         found = np.zeros(len(self.problem.free))
         found[self.free] = -(self.solve @ np.concatenate(change)) / self.sizes
         return found

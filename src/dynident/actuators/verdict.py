@@ -120,33 +120,49 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
     values = parameters[problem.places]
     scales = np.maximum(np.abs(values), np.where(lower < 0, 1.0, 0.1) * problem.scales())  # of a sign: may be near 0
     inner = (values > lower + 1e-4 * problem.scales()) & (values < upper - 1e-4 * problem.scales())
-    bread, white = np.zeros((2, len(values), len(values)))
-    scores: list[Array] = []
-    waves: list[Array] = []
-    squares, step = 0.0, max(encoder_step(problem.records), _LEAST_STEP)
-    counts = pieces_of(problem.records)
-    for record, error, slope, weight, pieces in zip(problem.records, errors, slopes, weights, counts, strict=True):
-        size = weight / np.sqrt(len(error))
-        own = slope * scales * size
-        bread += own.T @ own
-        white += step**2 * size**2 * (own.T @ own)
-        squares += float(size**2 * error @ error)
-        phases = step * _encoder_waves((record.q[record.used] + error) / step)
-        for a in np.array_split(np.arange(len(error)), pieces):
-            scores.append(size * (own[a].T @ error[a]))
-            waves.append(size * (phases[:, a] @ own[a]))
+    sizes = [weight / np.sqrt(len(error)) for weight, error in zip(weights, errors, strict=True)]
+    rows = [size * scales * slope for size, slope in zip(sizes, slopes, strict=True)]
+    bread = sum((own.T @ own for own in rows), np.zeros((len(values), len(values))))
+    square = sum(float(size**2 * error @ error) for size, error in zip(sizes, errors, strict=True))
+    count = sum(pieces_of(problem.records))
     free = [int(k) for k in np.flatnonzero(inner)]
     covariance, seen = np.zeros_like(bread), np.zeros(len(values), dtype=bool)
     if free:
-        within = np.ix_(free, free)
-        sizes, vectors = np.linalg.eigh(bread[within])
-        good = sizes > RANK * sizes[-1]
-        loose = np.sqrt(squares / len(scores) / np.maximum(sizes, max(1e-6 * RANK * sizes[-1], 1e-300)))
+        powers, vectors = np.linalg.eigh(bread[np.ix_(free, free)])
+        good = powers > RANK * powers[-1]
+        loose = np.sqrt(square / count / np.maximum(powers, max(1e-6 * RANK * powers[-1], 1e-300)))
         seen[free] = np.linalg.norm(vectors[:, ~good] * loose[~good], axis=1) <= 2.0 * WEAK
-        unit = vectors[:, good] / np.sqrt(sizes[good])
-        meat = _meat(np.array(scores)[:, free] @ unit, np.array(waves)[..., free] @ unit, unit.T @ white[within] @ unit)
-        covariance[within] = unit @ meat @ unit.T
-    return Spread(covariance * np.outer(scales, scales), bread, inner, seen, len(scores))
+        unit = vectors[:, good] / np.sqrt(powers[good])
+        found = score_covariance(problem.records, errors, [own[:, free] @ unit for own in rows], sizes)
+        covariance[np.ix_(free, free)] = unit @ found @ unit.T
+    return Spread(covariance * np.outer(scales, scales), bread, inner, seen, count)
+
+
+def score_covariance(
+    records: Sequence[JointRecord], errors: Sequence[Array], slopes: Sequence[Array], sizes: Sequence[float]
+) -> Array:
+    """Return the covariance of the sum of all scores: of derivatives of the errors times the errors, shape (f, f).
+
+    Args:
+        records: The joint in the logs.
+        errors: In rad, log by log, each (N,).
+        slopes: Derivatives times the weight of each log, each (N, f); of all logs together no singular matrix.
+        sizes: Weight of each log.
+    """
+    scores: list[Array] = []
+    waves: list[Array] = []
+    white, step = np.zeros((slopes[0].shape[1],) * 2), max(encoder_step(records), _LEAST_STEP)
+    for record, error, own, size, pieces in zip(records, errors, slopes, sizes, pieces_of(records), strict=True):
+        phases = size * step * _encoder_waves((record.q[record.used] + error) / step)
+        white += (1.0 / 12.0 - np.sum(0.5 / (np.pi * _HARMONICS) ** 2)) * (size * step) ** 2 * (own.T @ own)
+        for part in np.array_split(np.arange(len(error)), pieces):
+            scores.append(size * (error[part] @ own[part]))
+            waves.append(phases[:, part] @ own[part])
+    encoder, within = ((each.conj().T @ each).real + white for each in (np.sum(waves, axis=0), np.concatenate(waves)))
+    count, free = len(scores), len(white)
+    powers, vectors = eigh(np.transpose(scores) @ scores * count / max(count - 1, 1), within)
+    more = np.where(powers > (1.0 + np.sqrt(free / count)) ** 2, powers - 1.0, 0.0)
+    return np.asarray(encoder + (within @ vectors * more) @ (within @ vectors).T)
 
 
 def _encoder_waves(positions: Array) -> Array:
@@ -156,24 +172,6 @@ def _encoder_waves(positions: Array) -> Array:
     """
     first = np.exp(2j * np.pi * positions)
     return np.cumprod(np.tile(first, (len(_HARMONICS), 1)), axis=0) / (np.sqrt(2.0) * np.pi * _HARMONICS[:, None])
-
-
-def _meat(scores: Array, waves: Array, white: Array) -> Array:
-    """Return the covariance of the sum of all scores, shape (f, f), by pieces of the logs.
-
-    Args:
-        scores: Of each piece, shape (S, f).
-        waves: Of the encoder's error in each piece, by its harmonics, shape (S, h, f).
-        white: Sum of the squared derivatives times the squared step, shape (f, f).
-    """
-    rest = (1.0 / 12.0 - np.sum(0.5 / (np.pi * _HARMONICS) ** 2)) * white
-    whole, single = waves.sum(axis=0), waves.reshape(-1, waves.shape[-1])
-    encoder, within = ((each.conj().T @ each).real + rest for each in (whole, single))
-    count, free = scores.shape
-    sizes, vectors = eigh(scores.T @ scores * count / max(count - 1, 1), within)
-    more = np.where(sizes > (1.0 + np.sqrt(free / count)) ** 2, sizes - 1.0, 0.0)
-    turned = within @ vectors
-    return np.asarray(encoder + (turned * more) @ turned.T)
 
 
 def pieces_of(records: Sequence[JointRecord]) -> list[int]:
