@@ -100,8 +100,8 @@ class BagTable(LogTable):
         messages = islice(self.source.messages([topic]), _LOOKED_AT)
         return any(set(wanted) <= set(self._names(topic, found.layout)) for _, _, found in messages)
 
-    def _carriers(self, wanted: tuple[str, ...], found: _Gathered) -> Iterator[tuple[int, Array]]:
-        """Yield stamp and numbers of the messages that carry all wanted columns; the others are counted."""
+    def _picks(self, wanted: Sequence[str], found: _Gathered) -> Iterator[tuple[tuple[str, ...], int, Array]]:
+        """Yield the wanted columns of each message that has any, its stamp and numbers; the others are counted."""
         picks: dict[tuple[str, Layout], tuple[tuple[str, ...], IntArray]] = {}
         for topic, received, (layout, numbers, own) in self.source.messages(self.topics):
             if (topic, layout) not in picks:
@@ -110,14 +110,19 @@ class BagTable(LogTable):
             if not columns:
                 found.other[topic] += 1
                 continue
-            if len(columns) < len(wanted):
-                found.partial[columns] += 1
-                continue
             stamp = own if self.stamps == "header" else received
             if stamp is None:
                 found.headless[topic] += 1
                 stamp = received
-            yield stamp, numbers[places]
+            yield columns, stamp, numbers[places]
+
+    def _carriers(self, wanted: tuple[str, ...], found: _Gathered) -> Iterator[tuple[int, Array]]:
+        """Yield stamp and numbers of the messages that carry all wanted columns; the others are counted."""
+        for columns, stamp, numbers in self._picks(wanted, found):
+            if len(columns) < len(wanted):
+                found.partial[columns] += 1
+                continue
+            yield stamp, numbers
 
     def _block(self, held: Held, block: tuple[IntArray, Array], order: Sequence[int]) -> Array:
         """Return rows in the order of the wanted columns, the time from the first stamp on."""
@@ -137,22 +142,11 @@ class BagTable(LogTable):
     def _gathered(self, wanted: Sequence[str]) -> _Gathered:
         """Return the numbers of all messages that carry any of the wanted columns."""
         found = _Gathered()
-        picks: dict[tuple[str, Layout], tuple[tuple[str, ...], IntArray]] = {}
         cells = 0
-        for topic, received, (layout, numbers, own) in self.source.messages(self.topics):
-            if (topic, layout) not in picks:
-                picks[topic, layout] = _picked(self._names(topic, layout), wanted)
-            columns, places = picks[topic, layout]
-            if not columns:
-                found.other[topic] += 1
-                continue
-            stamp = own if self.stamps == "header" else received
-            if stamp is None:
-                found.headless[topic] += 1
-                stamp = received
+        for columns, stamp, numbers in self._picks(wanted, found):
             part = found.parts.setdefault(columns, (array("q"), array("d")))
             part[0].append(stamp)
-            part[1].frombytes(numbers[places].tobytes())
+            part[1].frombytes(numbers.tobytes())
             cells += len(columns)
             if cells > MAX_CELLS:
                 evidence = f"more than {MAX_CELLS:,} numbers, more than are read at once"

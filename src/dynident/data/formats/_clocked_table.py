@@ -6,7 +6,7 @@ import re
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -162,27 +162,16 @@ def clocked(table: LogTable, columns: ColumnMap) -> LogTable:
 
 def with_clock(table: LogTable, clock: str, rate: float) -> ClockedTable:
     """Return a table with a column of the time called ``clock``, at ``rate`` samples a second."""
-    return ClockedTable(
-        path=table.path,
-        sha256=table.sha256,
-        header=(clock, *table.header),
-        how=f"{table.how}, {clock} for want of a column of the time",
-        line=table.line,
-        inner=table,
-        clock=clock,
-        rate=rate,
-    )
+    how = f"{table.how}, {clock} for want of a column of the time"
+    return ClockedTable(**_beside(table, clock, how), rate=rate)
 
 
 def with_sum(table: LogTable, clock: str, parts: tuple[tuple[str, str], tuple[str, str]]) -> SummedTimeTable:
     """Return a table with a column of the time called ``clock``, the sum of two columns in units of their own."""
-    return SummedTimeTable(
-        path=table.path,
-        sha256=table.sha256,
-        header=(clock, *table.header),
-        how=f"{table.how}, time as {clock}",
-        line=table.line,
-        inner=table,
-        clock=clock,
-        parts=parts,
-    )
+    return SummedTimeTable(**_beside(table, clock, f"{table.how}, time as {clock}"), parts=parts)
+
+
+def _beside(table: LogTable, clock: str, how: str) -> dict[str, Any]:
+    """Return what a table has with a column of the time before its own."""
+    there = {"path": table.path, "sha256": table.sha256, "line": table.line, "inner": table, "clock": clock, "how": how}
+    return {**there, "header": (clock, *table.header)}

@@ -17,33 +17,22 @@ _MILLI = (1.0, 1e3)
 #: The factor of a unit that is SI.
 ONE = (1.0, 1.0)
 
+
+def _of_motion(per: str) -> dict[str, tuple[tuple[float, float], str]]:
+    """Return the units of positions, or of their derivatives: a length or an angle and what follows it."""
+    own = {"rad": (ONE, "revolute"), "deg": (_TURN, "revolute"), "m": (ONE, "prismatic"), "mm": (_MILLI, "prismatic")}
+    return {"SI": (ONE, ""), **{unit + per: found for unit, found in own.items()}}
+
+
 #: Units that are shares of the rated torque of a joint.
 RATED = frozenset(("percent", "permille"))
 
 #: Per quantity, unit word -> ((numerator, denominator) to SI, kind of joint it belongs to; empty for any).
 UNITS: dict[str, dict[str, tuple[tuple[float, float], str]]] = {
     "time": {"s": (ONE, ""), "ms": (_MILLI, ""), "us": ((1.0, 1e6), ""), "ns": ((1.0, 1e9), "")},
-    "position": {
-        "SI": (ONE, ""),
-        "rad": (ONE, "revolute"),
-        "deg": (_TURN, "revolute"),
-        "m": (ONE, "prismatic"),
-        "mm": (_MILLI, "prismatic"),
-    },
-    "velocity": {
-        "SI": (ONE, ""),
-        "rad/s": (ONE, "revolute"),
-        "deg/s": (_TURN, "revolute"),
-        "m/s": (ONE, "prismatic"),
-        "mm/s": (_MILLI, "prismatic"),
-    },
-    "acceleration": {
-        "SI": (ONE, ""),
-        "rad/s^2": (ONE, "revolute"),
-        "deg/s^2": (_TURN, "revolute"),
-        "m/s^2": (ONE, "prismatic"),
-        "mm/s^2": (_MILLI, "prismatic"),
-    },
+    "position": _of_motion(""),
+    "velocity": _of_motion("/s"),
+    "acceleration": _of_motion("/s^2"),
     "torque": {
         "SI": (ONE, ""),
         "N m": (ONE, "revolute"),

@@ -35,10 +35,7 @@ class Huber(Estimator):
     def __post_init__(self) -> None:
         if not 0 < self.bound < np.inf:
             raise BadOption("bound", self.bound, "give a number of scales above 0, such as 1.345")
-        if self.iterations < 1:
-            raise BadOption("iterations", self.iterations, "give 1 or more")
-        if not 0 < self.tolerance < 1:
-            raise BadOption("tolerance", self.tolerance, "give a number between 0 and 1, such as 0.001")
+        self.check_steps(self.iterations, self.tolerance, 0.001)
 
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.

@@ -69,10 +69,7 @@ class IRLS(Estimator):
             raise BadOption("threshold", self.threshold, "give a number of scales, 2.5 or more, such as 4")
         if not 1 <= self.freedom < np.inf:
             raise BadOption("freedom", self.freedom, "give 1 or more, such as 4")
-        if self.iterations < 1:
-            raise BadOption("iterations", self.iterations, "give 1 or more")
-        if not 0 < self.tolerance < 1:
-            raise BadOption("tolerance", self.tolerance, "give a number between 0 and 1, such as 0.01")
+        self.check_steps(self.iterations, self.tolerance, 0.01)
 
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import norm
 
 from dynident.arrays import Array, IntArray
-from dynident.errors import BadOption, SolverFailed
+from dynident.errors import SolverFailed
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem, check_rank
@@ -44,10 +44,7 @@ class L1(Estimator):
     tolerance: float = 3e-2
 
     def __post_init__(self) -> None:
-        if self.iterations < 1:
-            raise BadOption("iterations", self.iterations, "give 1 or more")
-        if not 0 < self.tolerance < 1:
-            raise BadOption("tolerance", self.tolerance, "give a number between 0 and 1, such as 0.03")
+        self.check_steps(self.iterations, self.tolerance, 0.03)
 
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.

@@ -46,8 +46,7 @@ class LogCholesky(Estimator):
     def __post_init__(self) -> None:
         if not 0 < self.pull < 1e6:
             raise BadOption("pull", self.pull, "give a number above 0, such as 0.01")
-        if self.iterations < 1:
-            raise BadOption("iterations", self.iterations, "give 1 or more")
+        self.check_steps(self.iterations)
 
     @property
     def prior_pull(self) -> float:

@@ -69,10 +69,7 @@ class ML(Estimator):
             raise BadOption("order", self.order, "give 0 or more, or leave it to the criterion")
         if self.longest < 0:
             raise BadOption("longest", self.longest, "give 0 or more")
-        if self.iterations < 1:
-            raise BadOption("iterations", self.iterations, "give 1 or more")
-        if not 0 < self.tolerance < 1:
-            raise BadOption("tolerance", self.tolerance, "give a number between 0 and 1, such as 0.01")
+        self.check_steps(self.iterations, self.tolerance, 0.01)
 
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.

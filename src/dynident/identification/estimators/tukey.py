@@ -44,10 +44,7 @@ class Tukey(Estimator):
     def __post_init__(self) -> None:
         if not 1.5 <= self.bound < np.inf:
             raise BadOption("bound", self.bound, "give a number of scales, 1.5 or more, such as 4.685")
-        if self.iterations < 1:
-            raise BadOption("iterations", self.iterations, "give 1 or more")
-        if not 0 < self.tolerance < 1:
-            raise BadOption("tolerance", self.tolerance, "give a number between 0 and 1, such as 0.001")
+        self.check_steps(self.iterations, self.tolerance, 0.001)
 
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.

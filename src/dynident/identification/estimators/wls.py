@@ -31,8 +31,7 @@ class WLS(Estimator):
     fits_folds: ClassVar = True
 
     def __post_init__(self) -> None:
-        if self.iterations < 1:
-            raise BadOption("iterations", self.iterations, "give 1 or more")
+        self.check_steps(self.iterations)
         if not 0 <= self.tolerance < np.inf:
             raise BadOption("tolerance", self.tolerance, "give a relative change, 0 or more")
 

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.errors import BadOption
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.prior import PULL
 from dynident.identification.problem.problem import Problem
@@ -64,6 +65,13 @@ class Estimator(ABC):
     may_not_converge: ClassVar[bool] = False
     allows_for_noise: ClassVar[bool] = False
     contest_options: ClassVar[Mapping[str, str]] = {}
+
+    def check_steps(self, iterations: int, tolerance: float = 0.5, such_as: float = 0.5) -> None:
+        """Refuse options that allow no step, or a step that ends it that is no share; see :class:`BadOption`."""
+        if iterations < 1:
+            raise BadOption("iterations", iterations, "give 1 or more")
+        if not 0 < tolerance < 1:
+            raise BadOption("tolerance", tolerance, f"give a number between 0 and 1, such as {such_as:g}")
 
     @property
     def prior_pull(self) -> float:

@@ -15,7 +15,6 @@ from dynident.arrays import Array, IntArray
 from dynident.identification.residuals.quantiles import student_quantile
 from dynident.identification.selection.friction.column_pool import ColumnPool
 from dynident.identification.selection.friction.nested_fits import NestedFits, beyond, without
-from dynident.identification.selection.friction.variable_projection import minimum
 
 #: Fewer blocks tell nothing about chance.
 FEWEST = 3
@@ -102,7 +101,7 @@ class HeldOut:
         return len(rows) >= FEWEST and bool(np.min(rows) >= 2 * len(self.keeps[0]))
 
     @cached_property
-    def _best(self) -> list[tuple[float, int, IntArray]]:
+    def best(self) -> list[tuple[float, int, IntArray]]:
         """The least loss of each list, at which delay, and its columns there."""
         found = []
         for keep in self.keeps:
@@ -117,9 +116,9 @@ class HeldOut:
         """Return the logarithms of the held-out errors of each: of the blocks, and of the fastest rows, (B + 1,)."""
         weighed = self.weighed
         rows, count = np.maximum(weighed.rows, 1), max(int(weighed.pool.fast_rows.sum()), 1)
-        found = [weighed.blocks(view).losses(keep) / rows for _, view, keep in self._best]
+        found = [weighed.blocks(view).losses(keep) / rows for _, view, keep in self.best]
         if fastest:
-            sides = [(weighed.wholes[view], weighed.fast[view], keep) for _, view, keep in self._best]
+            sides = [(weighed.wholes[view], weighed.fast[view], keep) for _, view, keep in self.best]
             last = [beyond(*each, weighed.pool.shared) / count for each in sides]
             found = [np.append(each, own) for each, own in zip(found, last, strict=True)]
         return [np.log(np.maximum(each, TINY)) for each in found]
@@ -127,18 +126,13 @@ class HeldOut:
     def by_joint(self) -> list[Array]:
         """Return the held-out squared residuals of each, unweighted, of the blocks and joints, (B, n)."""
         pool, found = self.weighed.pool, []
-        for _, view, keep in self._best:
+        for _, view, keep in self.best:
             mixed = self.weighed.blocks(view).residual(keep)
             every = np.zeros((len(mixed), pool.size))
             every[:, pool.views[view][np.append(keep, -1)]] = mixed
             pairs = [(every[:, own], each) for own, each in zip(pool.places, pool.products, strict=True)]
             found.append(np.stack([np.einsum("bi,bij,bj->b", own, each, own) for own, each in pairs], axis=1))
         return found
-
-    def finest(self, grid: Array) -> float:
-        """Return the value between those of a grid that fits all rows best."""
-        losses = np.array([each for each, _, _ in self._best[1:]])
-        return minimum(np.log(grid), losses, float(np.sum(self.weighed.rows)))[0]
 
 
 def share_of(gaps: Array) -> tuple[float, float]:

@@ -29,6 +29,7 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.selection.friction.column_pool import ROWS, PooledLogs, SharedRows
+from dynident.identification.selection.friction.finer_values import finer_values
 from dynident.identification.selection.friction.held_out_errors import (
     NOTHING,
     OF_A_PART,
@@ -51,12 +52,11 @@ from dynident.model.friction import FRICTION, WHOLE
 #: Blocks of rows at least, and of logs too short for these.
 BLOCKS, OF_SHORT_LOGS = 16, 8
 
-#: Values over its range of a width or of a part's first field, of a further field beside each of these, and between the
-#: neighbours of the best of them where that is taken.
-COARSE, BESIDE, FINE = 13, 2, 7
+#: Values over its range of a width or of a part's first field, and of a further field beside each of these.
+COARSE, BESIDE = 13, 2
 
-#: Turns at most in which values are made finer where a part came; the share by which none moves in the last.
-POLISHED, SETTLED = 6, 0.02
+#: Steps to finer values at most: of those that are taken for another one, and of all of them together at the end.
+FINER, POLISHED = 3, 10
 
 #: Shares of a delay of many samples that are compared, at most, beside the whole.
 MOST = 12
@@ -163,20 +163,15 @@ class _FieldSearch:
         return found
 
     def polished(self, found: dict[tuple[int, str], FieldChoice]) -> dict[tuple[int, str], FieldChoice]:
-        """Return what was found with values made finer in turn: what is best of one hangs on the others.
+        """Return what was found with values made finer together: what is best of one hangs on the others.
 
         They are those that were taken, and those of parts that might be missing, of which the stated one is a start.
         """
         starts = [(p, name) for p, name in found if name != "width" and self.stated.friction[p].is_optional]
         moved = [key for key, held in found.items() if held.value != held.stated or key in starts]
-        for _ in range(POLISHED):
-            before = dict(found)
-            for key in moved:
-                there = [own for own in self._group(*key) if own not in self.absent]
-                best = self._finer(there, key[1], found[key].value)
-                found[key] = replace(found[key], best=best, value=best)
-            if len(moved) < 2 or all(abs(np.log(found[key].value / before[key].value)) < SETTLED for key in moved):
-                break
+        if moved:
+            finer = self._finer([(self._group(*key), key[1]) for key in moved], POLISHED)
+            found |= {key: replace(found[key], best=x, value=x) for key, x in zip(moved, finer, strict=True)}
         return found
 
     def with_linear_parts(self) -> dict[int, FieldChoice]:
@@ -287,11 +282,9 @@ class _FieldSearch:
 
         A width that is stated, or taken from a coarse grid, and not quite right is no evidence for a part.
         """
-        kept = self.model
-        for q in (q for q, name in self._spans if name == "width"):
-            there = [own for own in self._group(q, "width") if own not in self.absent]
-            if there[:1] == [q]:
-                self._finer(there, "width", kept.friction[q].options["width"])
+        kept, groups = self.model, {self._group(q, name) for q, name in self._spans if name == "width"}
+        if there := [(group, "width") for group in sorted(groups) if not set(group) <= set(self.absent)]:
+            self._finer(there)
         errors, self.model = self._tried((), (), tried.weighed.weights).errors()[0], kept
         return errors
 
@@ -327,8 +320,7 @@ class _FieldSearch:
         gaps, best, before = first - others[k], dict(points[k]), self.model
         if (is_taken := is_better(gaps)) or names[0] == "width":
             self.model = with_values(self.model, there, best)
-            for name in [*names] * len(names):
-                best[name] = self._finer(there, name, best[name])
+            best = dict(zip(names, self._finer([(group, name) for name in names]), strict=True))
             if not is_taken:  # a stated width may lie nearer to the best one than those of the grid
                 finer = np.subtract(*self._tried(there, [stated, best]).errors(fastest=False)[1:])
                 if is_taken := is_better(finer):
@@ -351,15 +343,18 @@ class _FieldSearch:
         is_further = name in self._own_fields(p)[1:]
         return np.geomspace(*self._spans[p, name], BESIDE if is_further else COARSE)
 
-    def _finer(self, there: Sequence[int], name: str, value: float, steps: float = 1.0) -> float:
-        """Return the value near one of the grid that fits all rows best, and take it."""
-        p = self.heads[there[0]]
-        (low, high), grid = self._spans[p, name], self._grid(p, name)
-        step = (grid[1] / grid[0]) ** steps
-        fine = np.geomspace(max(value / step, low), min(value * step, high), FINE)
-        best = self._tried(there, [{name: float(x)} for x in fine]).finest(fine)
-        self.model = with_values(self.model, there, {name: best})
-        return best
+    def _finer(self, fields: Sequence[tuple[Sequence[int], str]], turns: int = FINER) -> list[float]:
+        """Return the values near those of the model that fit all rows best, of fields of groups of parts; take them."""
+        groups = [[p for p in group if p not in self.absent] for group, _ in fields]
+        keys = [(self.heads[own[0]], name) for own, (_, name) in zip(groups, fields, strict=True)]
+        steps = [grid[1] / grid[0] for grid in itertools.starmap(self._grid, keys)]
+        place = {p: k for k, p in enumerate(p for p in range(len(self.model.friction)) if p not in self.absent)}
+        own = replace(self.model, friction=tuple(self.model.friction[p] for p in place))
+        moved = [([place[p] for p in each], name) for each, (_, name) in zip(groups, keys, strict=True)]
+        found = finer_values(own, moved, [self._spans[key] for key in keys], steps, self._pooled, turns)[0].tolist()
+        for each, (_, name), value in zip(groups, keys, found, strict=True):
+            self.model = with_values(self.model, each, {name: value})
+        return found
 
     def _set_apart(self, group: Sequence[int], label: str, stated: float, grid: Array, errors: Sequence[Array]) -> None:
         """Give drives widths of their own where held-out samples ask for them and the model is better with all."""
@@ -372,10 +367,10 @@ class _FieldSearch:
         sets = [by_drive(model, parts, own) for own in (range(len(before)), range(len(before), len(parts)))]
         if is_better(np.subtract(*HeldOut.of(self._pooled.pool(parts), sets[0], sets).errors(fastest=False))):
             self.model, self.absent, self.heads = split, absent, heads
-            for held in own.values():
-                there = [p for p in self._of(group) if split.friction[p].joints == held.joints and p not in absent]
-                best = self._finer(there, "width", held.value, steps=2.0)
-                self.apart.append((group[0], replace(held, best=best, value=best)))
+            there = [[p for p in self._of(group) if split.friction[p].joints == held.joints] for held in own.values()]
+            finer = self._finer([(each, "width") for each in there])
+            told = zip(own.values(), finer, strict=True)
+            self.apart += [(group[0], replace(held, best=best, value=best)) for held, best in told]
 
     def _tried(
         self, group: Sequence[int], points: Sequence[Mapping[str, float]], weights: Array | None = None

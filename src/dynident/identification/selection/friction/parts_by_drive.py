@@ -15,7 +15,6 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.selection.friction.held_out_errors import CHANCE, is_better, share_of
-from dynident.identification.selection.friction.variable_projection import minimum
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction
 
@@ -60,10 +59,10 @@ def own_widths(
     for drive in drives if len(drives) > 1 else ():
         moved = np.asarray(model.robot.coupling)[drive] != 0
         first, *others = (np.log(np.maximum(each[:, moved].sum(axis=1), 1e-300)) for each in errors)
-        means = np.array([np.mean(each) for each in others])
-        gaps = first - others[int(np.argmin(means))]
+        k = int(np.argmin([np.mean(each) for each in others]))
+        gaps = first - others[k]
         if is_better(gaps, CHANCE / len(drives)):
-            best = minimum(np.log(grid), np.exp(means), 1.0)[0]
+            best = float(grid[k])
             found[drive] = FieldChoice(label, (names[drive],), "width", stated, best, best, *share_of(gaps))
     if len(found) == len(drives):
         del found[min(found, key=lambda drive: found[drive].gain)]

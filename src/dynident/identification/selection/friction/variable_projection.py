@@ -1,9 +1,8 @@
 """Values of friction fields that enter non-linearly: searched outside the linear solve (Golub and Pereyra 1973).
 
 For every value of the fields the coefficients follow from a linear problem, so that only the fields are searched. They
-are few and what they do is smooth, so each is looked for on a logarithmic grid over its range, the grid is narrowed
-around the best value, and a parabola through the last three gives the minimum and how sharp it is. All values of a grid
-are columns of one pass over the rows; the fields take turns.
+are few and what they do is smooth: each is looked for on a logarithmic grid over its range, and steps of all together
+lead from there to the minimum and tell how sharp it is.
 """
 
 from __future__ import annotations
@@ -17,14 +16,16 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption
 from dynident.identification.problem.choices import FieldEstimate
-from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs
+from dynident.identification.selection.friction.column_pool import PooledLogs
+from dynident.identification.selection.friction.finer_values import finer_values
+from dynident.identification.selection.friction.held_out_errors import HeldOut
 from dynident.identification.selection.friction.load import default_load
-from dynident.identification.selection.friction.nested_fits import NestedFits
+from dynident.identification.selection.friction.parts_by_drive import by_drive
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
 
-#: Values of a field that are compared at a time, how often the grid is narrowed, turns over the fields.
-VALUES, ROUNDS, TURNS = 7, 3, 3
+#: Values of a field that are compared, and steps from the best of them at most.
+VALUES, TURNS = 7, 10
 
 
 def has_varying(model: DynamicModel) -> bool:
@@ -61,21 +62,24 @@ def vary_fields(
     """
     spans = all_spans(model, logs, "vary", finest)
     pooled = PooledLogs(model, logs, load=default_load(model, logs) if "torque" in model.needs else None)
-    parts = list(model.friction)
-    found: dict[tuple[int, str], FieldEstimate] = {}
-    for turn in range(ROUNDS):
-        progress(f"non-linear friction, round {turn + 1} of {ROUNDS}")
-        grids = {key: np.geomspace(*span, VALUES) for key, span in spans.items()}
-        tried = [replace(parts[p], **{name: float(x)}) for (p, name), grid in grids.items() for x in grid]
-        pool = pooled.pool([*parts, *tried])
-        best = _best(model, pool, list(grids.values()), [p for p, _ in grids])
-        for key, grid, (value, low, high) in zip(grids, grids.values(), best, strict=True):
-            p, name = key
-            parts[p] = replace(parts[p], **{name: value})
-            found[key] = FieldEstimate(FRICTION.name_of(parts[p]), parts[p].joints, name, value, low, high)
-            step = grid[1] / grid[0]
-            spans[key] = (max(value / step, spans[key][0]), min(value * step, spans[key][1]))
-    return replace(model, friction=tuple(parts)), tuple(found.values())
+    parts, steps = list(model.friction), list[float]()
+    for (p, name), span in spans.items():
+        progress(f"non-linear friction: {FRICTION.name_of(parts[p])} {name}")
+        grid = np.geomspace(*span, VALUES)
+        pool = pooled.pool([*parts, *(replace(parts[p], **{name: float(x)}) for x in grid)])
+        lists = [[*range(p), own, *range(p + 1, len(parts))] for own in (p, *range(len(parts), len(pool.parts)))]
+        sets = [by_drive(model, pool.parts, each) for each in lists]
+        losses = [loss for loss, _, _ in HeldOut.of(pool, sets[1 + VALUES // 2], sets[1:]).best]
+        parts[p] = pool.parts[len(parts) + int(np.argmin(losses))]
+        steps.append(grid[1] / grid[0])
+    model, fields = replace(model, friction=tuple(parts)), [([p], name) for p, name in spans]
+    values, spreads = finer_values(model, fields, list(spans.values()), steps, pooled, TURNS)
+    found = list[FieldEstimate]()
+    for ((p, name), (low, high)), value, spread in zip(spans.items(), values.tolist(), np.exp(spreads), strict=True):
+        parts[p] = replace(parts[p], **{name: value})
+        about = (FRICTION.name_of(parts[p]), parts[p].joints, name, value)
+        found.append(FieldEstimate(*about, max(value / spread, low), min(value * spread, high)))
+    return replace(model, friction=tuple(parts)), tuple(found)
 
 
 def fastest_of(model: DynamicModel, logs: Sequence[Prepared]) -> float:
@@ -132,55 +136,3 @@ def spans_of(
         high = min(high, longest) if span.is_duration else high
         spans[name] = (min(max(span.low, finest), high) if span.is_distance else span.low, high)
     return spans
-
-
-def _best(
-    model: DynamicModel, pool: ColumnPool, grids: Sequence[Array], owners: Sequence[int]
-) -> list[tuple[float, float, float]]:
-    """Return the best value of each field and the interval that is as good, the fields taking turns."""
-    stated = len(model.friction)
-    acts = [set(model.drives_of(part)) for part in model.friction]
-    places: list[int | None] = [None] * len(grids)
-    first = stated + np.concatenate([[0], np.cumsum([len(grid) for grid in grids])[:-1]]).astype(int)
-
-    def sets(changed: int, value: int) -> list[list[int]]:
-        """Return the parts of each drive with one field at a value of its grid, the others at their best so far."""
-        stand_in = list(range(stated))
-        for k, owner in enumerate(owners):
-            place = value if k == changed else places[k]
-            if place is not None and (k == changed or owner != owners[changed]):
-                stand_in[owner] = int(first[k]) + place
-        return [[stand_in[p] for p in range(stated) if drive in acts[p]] for drive in range(model.robot.dof)]
-
-    weights = pool.weights(sets(0, len(grids[0]) // 2))
-    total, rows = pool.weighted(weights).sum(axis=0)[None], float(pool.rows.sum())
-    fits = NestedFits(total, total, pool.shared)
-    results: list[tuple[float, float, float]] = [(0.0, 0.0, 0.0)] * len(grids)
-    for _ in range(TURNS if len(grids) > 1 else 1):
-        for k, grid in enumerate(grids):
-            keeps = [pool.chosen(sets(k, value)) for value in range(len(grid))]
-            losses = np.array([fits.losses(keep)[0] for keep in keeps])
-            places[k] = int(np.argmin(losses))
-            results[k] = minimum(np.log(grid), losses, rows)
-    return results
-
-
-def minimum(at: Array, losses: Array, rows: float) -> tuple[float, float, float]:
-    """Return the value at the minimum of a parabola in the logarithm, and the interval of one standard deviation.
-
-    At an end of the grid it is that end; where the loss hardly changes the interval is the grid.
-    """
-    k = int(np.clip(np.argmin(losses), 1, len(at) - 2))
-    step = at[1] - at[0]
-    slope, bend = (
-        (losses[k + 1] - losses[k - 1]) / (2 * step),
-        (losses[k + 1] - 2 * losses[k] + losses[k - 1]) / step**2,
-    )
-    lowest = float(np.min(losses))
-    if bend <= 0:
-        place, spread = float(at[int(np.argmin(losses))]), np.inf
-    else:
-        place = float(np.clip(at[k] - slope / bend, at[0], at[-1]))
-        spread = float(np.sqrt(2.0 * lowest / max(rows, 1.0) / bend))
-    low, high = max(place - spread, at[0]), min(place + spread, at[-1])
-    return float(np.exp(place)), float(np.exp(low)), float(np.exp(high))

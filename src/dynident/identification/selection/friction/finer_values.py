@@ -1,0 +1,91 @@
+"""Non-linear friction fields to a finer step: Gauss and Newton's, of all of them together, in a fit of all rows.
+
+The coefficients are eliminated (Golub and Pereyra 1973; Kaufman 1975): a step is the coefficient of one more column,
+the difference of a part's columns on both sides of its value, and all columns are in one Gram matrix. Where two fields
+can stand for each other a step goes along their valley, which the fields in turn would cross in many small ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs
+from dynident.identification.selection.friction.nested_fits import RIDGE, NestedFits
+from dynident.identification.selection.friction.parts_by_drive import by_drive
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Friction
+
+#: Distance in logarithms of the values of which differences are taken, and a step that is none.
+APART, SETTLED = 0.1, 5e-3
+
+
+def finer_values(
+    model: DynamicModel,
+    fields: Sequence[tuple[Sequence[int], str]],
+    spans: Sequence[tuple[float, float]],
+    most: Sequence[float],
+    pooled: PooledLogs,
+    turns: int,
+) -> tuple[Array, Array]:
+    """Return the values of fields near those of the model that fit all rows best, and deviations of their logarithms.
+
+    Args:
+        model: The model.
+        fields: Places of the parts that share the value, and the name, of each of m fields.
+        spans: Least and largest values.
+        most: Largest factor of a step; one that does not lower the loss is halved.
+        pooled: The logs.
+        turns: Steps at most.
+    """
+    (low, high), limits = np.log(spans).T, np.log(most)
+    at = best = np.log([float(getattr(model.friction[own[0]], name)) for own, name in fields])
+    least, deviations, weights = np.inf, np.full(len(at), np.inf), None
+
+    def moved(parts: Sequence[Friction], k: int, by: float) -> list[Friction]:
+        own, name = fields[k]
+        return [replace(parts[p], **{name: float(np.exp(at[k] + by))}) for p in own]
+
+    for _ in range(turns):
+        parts = list(model.friction)
+        for k, (own, _) in enumerate(fields):
+            for p, part in zip(own, moved(parts, k, 0.0), strict=True):
+                parts[p] = part
+        sides = [part for k in range(len(fields)) for by in (-APART / 2, APART / 2) for part in moved(parts, k, by)]
+        pool = pooled.pool([*parts, *sides])
+        sets = by_drive(model, parts, range(len(parts)))
+        weights = pool.weights(sets) if weights is None else weights
+        wholes, keep = pool.by_delay(pool.weighted(weights).sum(axis=0)), pool.chosen(sets)
+        loss, step, spread = min((_step(whole, pool, keep, fields) for whole in wholes), key=lambda found: found[0])
+        if loss < least:
+            least, best, deviations = loss, at, spread * np.sqrt(loss / max(float(pool.rows.sum()), 1.0))
+            at = np.clip(at + np.clip(step, -limits, limits), low, high)
+        else:
+            at = (at + best) / 2
+        if np.max(np.abs(at - best)) < SETTLED:
+            break
+    return np.exp(best), deviations
+
+
+def _step(
+    whole: Array, pool: ColumnPool, keep: IntArray, fields: Sequence[tuple[Sequence[int], str]]
+) -> tuple[float, Array, Array]:
+    """Return the loss at some values by the products (c + 1, c + 1), the step of each field and its deviation (m,)."""
+    fits = NestedFits(whole[None], whole[None], pool.shared)
+    beta, turn = np.zeros(len(whole)), np.zeros((len(whole), len(keep) + len(fields) + 1))
+    beta[np.append(keep, -1)] = fits.residual(keep)[0]
+    turn[keep, np.arange(len(keep))] = turn[-1, -1] = 1.0
+    beside = iter(pool.columns[-2 * sum(len(own) for own, _ in fields) :])
+    for slope, (own, _) in zip(turn.T[len(keep) : -1], fields, strict=True):
+        for sign, p in ((sign, p) for sign in (-1.0, 1.0) for p in own):
+            for there, other in zip(pool.columns[p], next(beside), strict=True):
+                slope[other] += sign * beta[there] / APART
+    products = turn.T @ whole @ turn
+    size = np.sqrt(np.diag(products)[:-1])
+    size[size == 0] = 1.0
+    inverse = np.linalg.inv(products[:-1, :-1] / np.outer(size, size) + RIDGE * np.eye(len(size)))
+    found, deviations = inverse @ (products[:-1, -1] / size) / size, np.sqrt(np.diag(inverse)) / size
+    return float(fits.losses(keep)[0]), found[len(keep) :], deviations[len(keep) :]
