@@ -114,7 +114,7 @@ def test_help_fits_one_screen_has_an_example_and_names_the_help_with_all_options
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["identify"], "missing: CASE|ROBOT, LOG"),
+        (["identify"], "missing: CASE|ROBOT\n"),
         (["list", "robos"], "FAMILY robos: no such choice; choose one of: estimators, "),
         (["list", "ROBOTS"], "; did you mean 'robots'?"),
         (["identify", "a", "--cutoff", "low"], "--cutoff low: a number is needed"),
@@ -127,7 +127,7 @@ def test_wrong_usage_is_told_in_words_and_exits_with_2(words: list[str], told: s
         main(words)
     out, err = capsys.readouterr()
     first, second = err.splitlines()
-    assert caught.value.code == 2 and out == "" and first.startswith("error: ") and told in first
+    assert caught.value.code == 2 and out == "" and first.startswith("error: ") and told in f"{first}\n"
     assert second == f"'dynident {words[0]} --help-all' lists all options"
 
 

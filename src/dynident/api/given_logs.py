@@ -180,7 +180,7 @@ def check_kinds(wanted: Mapping[str, tuple[Any, Any, str]]) -> None:
     """
     for name, (value, kind, line) in wanted.items():
         if value is not None and not isinstance(value, kind):
-            what = getattr(kind, "__name__", "name or a part")
+            what = kind.__name__ if isinstance(kind, type) else "name or a part"
             raise BadArgument(name, f"{_kind(value)} where a {what} is wanted", f"write {line}")
 
 

@@ -34,7 +34,8 @@ class OneLineParser(argparse.ArgumentParser):
 
         text = message
         if message.startswith(_MISSING):
-            text = f"missing: {message.removeprefix(_MISSING)}"
+            free = {_name(action) for action in self._actions if action.nargs == "*"}  # told before Python 3.14
+            text = f"missing: {', '.join(name for name in message[len(_MISSING) :].split(', ') if name not in free)}"
         elif match := _NO_VALUE.match(message):
             text = f"{match['flag']} needs a value"
         command = self.prog.partition(" ")[2]
