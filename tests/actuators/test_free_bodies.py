@@ -46,7 +46,7 @@ def folder(tmp_path: Path, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Pat
 def test_without_a_payload_ratios_are_found_and_the_scale_is_the_robot_models(
     folder: Path, robot: Robot, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Torque over weight is that of the truth; intervals hold the scale, which takes a known payload; MuJoCo has the bodies."""
+    """Torque over weight is the true one; intervals hold the scale, which takes a payload; MuJoCo has the bodies."""
     assert main(["identify", "case.yaml", "--bodies", "plausible", "-o", "a.json", "--quiet"]) == 0
     answer = capsys.readouterr().out
     assert "as a ratio" in answer and "known as a ratio" in answer and "no log without a known payload" in answer

@@ -86,6 +86,7 @@ def test_without_coal_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mon
         ("urdf/../meshes/box.stl", ["arm"]),
         ("package://arm/meshes/box.stl", ["arm"]),
         ("package://arm/meshes/box.stl", ["."]),
+        ("package://arm_support/meshes/box.stl", ["arm/urdf", "arm"]),  # its folder has another name
         ("file://{}/arm/meshes/box.stl", ["arm"]),
         ("{}/arm/meshes/box.stl", ["arm"]),
     ],

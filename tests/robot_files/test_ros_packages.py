@@ -96,6 +96,17 @@ def test_meshes_of_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert missing_meshes(robot, file) == []
 
 
+@pytest.mark.parametrize(("beside", "is_found"), [("arm", True), ("", True), ("arm/robots", True), ("other", False)])
+def test_a_package_whose_folder_has_another_name(tmp_path: Path, beside: str, is_found: bool) -> None:
+    file = tmp_path / "arm" / "robots" / "arm.urdf"
+    file.parent.mkdir(parents=True)
+    file.write_text(with_meshes("package://arm_support/meshes/a.stl", "package://arm_support/meshes/a.stl"))
+    (tmp_path / beside / "meshes").mkdir(parents=True)
+    (tmp_path / beside / "meshes" / "a.stl").touch()
+    assert (missing_meshes(read_robot(file), file) == []) == is_found
+    assert missing_meshes(read_robot(file), file, [tmp_path / beside]) == []
+
+
 def test_meshes_that_only_show_a_link_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "arm.urdf"
     shown = '<visual><geometry><mesh filename="package://look/v.stl"/></geometry></visual><collision>'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -68,10 +69,15 @@ def mesh_places(robot: Robot, robot_path: str) -> tuple[Path, ...]:
 def folders_above(folder: Path, files: Iterable[str]) -> tuple[Path, ...]:
     """Return the folders of mesh files that are named by a way up from the folder of the robot model (``../meshes/``).
 
-    Up to three levels; absolute names, and ways further up, lead elsewhere.
+    Up to three levels; absolute names, and ways further up, lead elsewhere. So does ``package://NAME/REST`` to the
+    nearest of these folders with REST in it, whatever its name.
     """
     found: dict[Path, None] = {}
+    levels = list(itertools.islice((folder.absolute(), *folder.absolute().parents), _LEVELS_UP + 1))
     for name in files:
+        if (match := _PACKAGE.match(name)) and "\0" not in name and ".." not in name:
+            rest = name[match.end() :].lstrip("/")
+            found |= dict.fromkeys(itertools.islice((each for each in levels if (each / rest).is_file()), 1))
         parts = PurePath(name).parts
         if 0 < parts.count("..") <= _LEVELS_UP and not PurePath(name).is_absolute() and "\0" not in name:
             found[Path(os.path.normpath((folder / name).absolute())).parent] = None

@@ -61,8 +61,9 @@ def mesh_triangles(mesh: Mesh, folders: Sequence[str | Path]) -> Array:
 def mesh_file(name: str, folders: Sequence[str | Path]) -> Path:
     """Return where a mesh file is: beneath one of the folders, links followed, and nowhere else.
 
-    ``package://NAME/REST`` is REST in a folder called NAME, or NAME/REST in any folder. A relative name is looked for
-    in each folder. An absolute name and ``file://`` count only where they point beneath a folder.
+    ``package://NAME/REST`` is REST in a folder called NAME, NAME/REST in any folder, or REST in any, as the folder of a
+    package may have another name. A relative name is looked for in each folder. An absolute name and ``file://`` count
+    only where they point beneath a folder.
 
     Raises:
         FileError: No such file there, or a name that leads out of all folders.
@@ -90,8 +91,9 @@ def _candidates(name: str, roots: Sequence[Path]) -> list[Path]:
     if kind not in ("package", "model"):
         return []
     parts = PurePosixPath(rest).parts
-    inner = [root / Path(*parts[1:]) for root in roots if parts and root.name == parts[0]]
-    return inner + [root / rest.lstrip("/") for root in roots]
+    inner = [(root / Path(*parts[1:]), root.name == parts[0]) for root in roots if parts]
+    named = [path for path, is_named in inner if is_named]
+    return [*named, *(root / rest.lstrip("/") for root in roots), *(path for path, _ in inner)]
 
 
 def _stl(file: Path, data: bytes) -> Array:
