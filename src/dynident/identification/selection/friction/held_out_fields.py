@@ -264,7 +264,7 @@ class _FieldSearch:
         """Hold a part against its absence, with the best values of its fields, and put it there if it is better."""
         self._progress(f"friction: {FRICTION.name_of(self.model.friction[p])} on held-out samples")
         self._share_width(p)
-        points = self._points(p, self._own_fields(p))
+        points = self._points(p, self._own_fields(p)[:1])  # further ones are as stated until it is there
         tried = self._tried(self._of([p]), points)
         if not tried.tells:
             return self._told(p, False, None)
