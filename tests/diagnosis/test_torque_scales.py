@@ -15,7 +15,7 @@ from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.body_consistency import BEYOND, inconsistency
-from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit, asks_inertia, quick_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, mixing_of, other_scales
 from dynident.diagnosis.checks import CHECKS, link_consistency
 from dynident.diagnosis.checks.base import CheckedLog
@@ -79,6 +79,13 @@ def test_a_wrong_scale_is_an_error_with_the_factor_that_mends_it(
 def test_a_scale_that_the_log_does_not_know_gets_no_figure(trial: Trial, times: float, tmp_path: Path) -> None:
     assert not warned(put.scaled(trial, times - 1, LAST), tmp_path)
     assert scales_of(put.scaled(trial, times - 1, LAST), tmp_path)[LAST].is_open
+
+
+def test_where_friction_is_chosen_the_rotors_may_have_inertia(trial: Trial) -> None:
+    """Without it the torque of a light wrist seems to have another scale."""
+    plain = tuple(part for part in trial.case.friction if not all(part.is_inertia))
+    for choose in (False, True):
+        assert asks_inertia(replace(trial.case, friction=plain, choose_friction=choose)) == choose
 
 
 def test_two_joints_that_explain_a_log_alike_are_both_named() -> None:

@@ -229,6 +229,9 @@ def test_a_stated_cycle_that_the_logs_do_not_show_is_refused(spatial_3r: Robot, 
     with pytest.raises(LogMismatch, match=told):
         ripple = replace(ripple, cycles=np.pi / span * 0.98)
         identify(replace(model, friction=(*model.friction, ripple)), [log], "wls", GIVEN)
+    with pytest.raises(LogMismatch, match="less than half of that is seen: 'joint1' 0;"):  # at rest alone
+        ripple = replace(ripple, cycles=5000.0)
+        identify(replace(model, friction=(*model.friction, ripple)), [log], "wls", replace(GIVEN, standstill=0.5))
 
 
 @pytest.mark.parametrize("is_there", [True, False])

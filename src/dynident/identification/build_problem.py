@@ -79,7 +79,7 @@ def build_problem(
     if choose_friction:
         model = replace(model, friction=(*auto_friction(), *motor_ripple(model.robot)))
     preprocessing, cutoff = with_cutoff(without_optional(model), ordered, preprocessing, progress)
-    model, finest = _within_logs(model, ordered, preprocessing.filter.bandwidth())
+    model, finest = _within_logs(model, ordered, preprocessing)
     progress("preprocessing")
     plain = tuple(preprocess(log, preprocessing) for log in ordered)
     prepared, delays = _with_delays(without_optional(model), plain, progress)
@@ -106,9 +106,7 @@ def _resolution(model: DynamicModel, logs: Sequence[Log]) -> Array | None:
     return np.max(np.abs(np.asarray(model.robot.coupling)) * joints, axis=1)
 
 
-def _within_logs(
-    model: DynamicModel, logs: Sequence[Log], bandwidth: float | None
-) -> tuple[DynamicModel, Array | None]:
+def _within_logs(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) -> tuple[DynamicModel, Array | None]:
     """Return the model whose friction the logs can tell, and the resolution of the positions of each drive.
 
     Distances of friction that are left to the logs begin at the resolution. Parts that may be missing are missing
@@ -123,7 +121,7 @@ def _within_logs(
     lack_temperatures = any(log.temperature is None for log in logs)
     parts: list[Friction] = []
     for stated_part in model.friction:
-        part = _within_cycle(model, stated_part, logs, bandwidth)
+        part = _within_cycle(model, stated_part, logs, how)
         if part is None or (part.is_optional and lack_temperatures and "temperature" in part.needs):
             continue
         least, left_open = finest_of(model, part, finest), (*(part.choose or ()), *(part.vary or ()))
@@ -182,10 +180,10 @@ def _with_chosen_fields(
     return chosen, prepared, choices
 
 
-def _within_cycle(model: DynamicModel, part: Friction, logs: Sequence[Log], bandwidth: float | None) -> Friction | None:
+def _within_cycle(model: DynamicModel, part: Friction, logs: Sequence[Log], how: Preprocessing) -> Friction | None:
     """Return a part that may be missing for the drives that show half of its cycle at least; None where none does.
 
-    What counts is motion in which the cycle is slower than the bandwidth of the filter, or half the rate, in Hz.
+    What counts is motion above standstill whose cycles are slower than the bandwidth of the filter, or half the rate.
 
     Raises:
         LogMismatch: Drives of a part that is stated do not.
@@ -193,10 +191,11 @@ def _within_cycle(model: DynamicModel, part: Friction, logs: Sequence[Log], band
     if part.cycle is None:
         return part
     names, coupling = model.robot.joint_names, np.asarray(model.robot.coupling)
-    fastest, seen = part.cycle * (bandwidth or min(log.rate for log in logs) / 2), list[Array]()
+    fastest, seen = part.cycle * (how.filter.bandwidth() or min(log.rate for log in logs) / 2), list[Array]()
     for log in logs:
         q = np.asarray(log.q) @ coupling.T
-        seen.append(np.where(np.abs(np.gradient(q, axis=0)) * log.rate <= fastest, q, np.nan))
+        speed = np.abs(np.gradient(q, axis=0)) * log.rate
+        seen.append(np.where((speed >= how.standstill) & (speed <= fastest), q, np.nan))
     span = np.nan_to_num(np.fmax.reduce(np.concatenate(seen)) - np.fmin.reduce(np.concatenate(seen)))
     short = [drive for drive in model.drives_of(part) if span[drive] < 0.5 * part.cycle]
     if part.is_optional:

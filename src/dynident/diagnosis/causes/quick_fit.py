@@ -293,8 +293,8 @@ def _by_kind(part: Friction, robot: Robot) -> list[Friction]:
 
 
 def asks_inertia(case: Case) -> bool:
-    """Return whether the friction of a case has a part for the inertia of rotors."""
-    return any(all(part.is_inertia) for part in case.friction)
+    """Return whether the friction of a case has a part for the inertia of rotors, or may choose one."""
+    return case.choose_friction or any(all(part.is_inertia) for part in case.friction)
 
 
 def beyond_quick_fit(case: Case) -> list[Friction]:

@@ -62,7 +62,7 @@ def vary_fields(
     """
     spans = all_spans(model, logs, "vary", finest)
     pooled = PooledLogs(model, logs, load=default_load(model, logs) if "torque" in model.needs else None)
-    parts, steps = list(model.friction), list[float]()
+    parts, steps, found = list(model.friction), list[float](), list[FieldEstimate]()
     for (p, name), span in spans.items():
         progress(f"non-linear friction: {FRICTION.name_of(parts[p])} {name}")
         grid = np.geomspace(*span, VALUES)
@@ -72,13 +72,14 @@ def vary_fields(
         losses = [loss for loss, _, _ in HeldOut.of(pool, sets[1 + VALUES // 2], sets[1:]).best]
         parts[p] = pool.parts[len(parts) + int(np.argmin(losses))]
         steps.append(grid[1] / grid[0])
-    model, fields = replace(model, friction=tuple(parts)), [([p], name) for p, name in spans]
-    values, spreads = finer_values(model, fields, list(spans.values()), steps, pooled, TURNS)
-    found = list[FieldEstimate]()
-    for ((p, name), (low, high)), value, spread in zip(spans.items(), values.tolist(), np.exp(spreads), strict=True):
+    start, fields = replace(model, friction=tuple(parts)), [([p], name) for p, name in spans]
+    values, spreads = finer_values(start, fields, list(spans.values()), steps, pooled, TURNS)
+    bands = [2.0 * (log.how.filter.bandwidth() or np.inf) * log.every / log.log.rate for log in logs]
+    spreads = np.exp(spreads / np.sqrt(min(1.0, np.mean(bands))))  # two independent rows a period of the bandwidth
+    for ((p, name), (low, high)), value, by in zip(spans.items(), values.tolist(), spreads.tolist(), strict=True):
         parts[p] = replace(parts[p], **{name: value})
-        about = (FRICTION.name_of(parts[p]), parts[p].joints, name, value)
-        found.append(FieldEstimate(*about, max(value / spread, low), min(value * spread, high)))
+        ends = max(value / by, low), min(value * by, high)
+        found.append(FieldEstimate(FRICTION.name_of(parts[p]), parts[p].joints, name, value, *ends))
     return replace(model, friction=tuple(parts)), tuple(found)
 
 
