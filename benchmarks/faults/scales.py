@@ -65,17 +65,14 @@ def count(trial: Trial, folder: Path) -> Count:
         known = own.spread / 1.96 < TOLD
         subject = subject_of(put.scaled(trial, factor - 1, joint), folder)
         found = told(subject)
-        named = (
-            [one.joint for one in other_scales(subject.scales)]
-            if [one.name for one in found] == ["torque scale"]
-            else []
-        )
-        of_joint = [one for one in other_scales(subject.scales) if one.joint == names[joint] and one.joint in named]
+        is_scale = [one.name for one in found] == ["torque scale"]
+        named = list(other_scales(subject.scales)) if is_scale else []
+        of_joint = [one for one in named if one.joint == names[joint]]
         right = any(is_right(one, own.factor / factor) for one in of_joint)
         if known:
             total.known += 1
-            total.right += right and named[0] == names[joint]
-            total.beside += right and named[0] != names[joint]
+            total.right += right and of_joint[:1] == named[:1]
+            total.beside += right and of_joint[:1] != named[:1]
             good = right
         else:
             total.unknown += 1

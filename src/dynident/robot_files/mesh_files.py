@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -73,11 +72,11 @@ def folders_above(folder: Path, files: Iterable[str]) -> tuple[Path, ...]:
     nearest of these folders with REST in it, whatever its name.
     """
     found: dict[Path, None] = {}
-    levels = list(itertools.islice((folder.absolute(), *folder.absolute().parents), _LEVELS_UP + 1))
+    levels = [folder.absolute(), *folder.absolute().parents][: _LEVELS_UP + 1]
     for name in files:
         if (match := _PACKAGE.match(name)) and "\0" not in name and ".." not in name:
             rest = name[match.end() :].lstrip("/")
-            found |= dict.fromkeys(itertools.islice((each for each in levels if (each / rest).is_file()), 1))
+            found |= dict.fromkeys([each for each in levels if (each / rest).is_file()][:1])
         parts = PurePath(name).parts
         if 0 < parts.count("..") <= _LEVELS_UP and not PurePath(name).is_absolute() and "\0" not in name:
             found[Path(os.path.normpath((folder / name).absolute())).parent] = None
