@@ -18,7 +18,7 @@ from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.servo_motions import KINDS, MOST_TURN, MotionFrame, ServoMotion, caught_release
-from dynident.actuators.verdict import Known, known_parameters, spread_of
+from dynident.actuators.verdict import Known, Spread, encoder_step, known_parameters, spread_of
 from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.arrays import Array
 from dynident.errors import BadOption
@@ -43,6 +43,10 @@ _LEAST: Final = 20
 
 #: A joint swings where its weight is this many times its Coulomb friction at both ends of the lift.
 _SWINGS = 2.0
+
+#: Servos near the assumed one that intervals are averaged over, and the standard deviation of their parameters.
+_NEIGHBOURS: Final = 16
+_NEAR: Final = 0.05
 
 
 @dataclass(frozen=True)
@@ -340,8 +344,7 @@ def _known(data: JointData, servo: NominalServo) -> tuple[Known, ...]:
     has_gain = law.gain_is_free and float(np.mean(saturated)) > SATURATED
     start = refinable(values, law, data.has_off)
     free = free_parameters(law, model, start, has_gain, data.has_off)
-    problem = ServoProblem(data.train, free, model).finely
-    known = known_parameters(problem, start, spread_of(problem, start))
+    known = known_parameters(*_average(ServoProblem(data.train, free, model).finely, start))
     whole = {}
     if law.gain_is_free and not has_gain:
         whole["full_torque"] = ("stiffness", float(values[PLACE["gain_ratio"]]) * law.error_gain)
@@ -350,3 +353,23 @@ def _known(data: JointData, servo: NominalServo) -> tuple[Known, ...]:
     return tuple(
         replace(one.scaled(whole[one.name][1]), name=whole[one.name][0]) if one.name in whole else one for one in known
     )
+
+
+def _average(problem: ServoProblem, parameters: Array) -> tuple[ServoProblem, Array, Spread]:
+    """Return a problem, its parameters and their spread, averaged over servos near them.
+
+    Where a joint comes to rest between two steps of the encoder decides which errors repeat. That changes from one
+    servo to the next, and the half widths of their intervals with it, by a factor of two and more.
+    """
+    random, values, found = np.random.default_rng(0), parameters[problem.places], []
+    step = encoder_step(problem.records)
+    for _ in range(_NEIGHBOURS):
+        near = problem.full(values * random.normal(1.0, _NEAR, len(values)), parameters)
+        records = []
+        for record in problem.records:
+            q = rolled_out(record, near).q
+            records.append(replace(record, q=np.round(q / step) * step))
+        found.append(spread_of(replace(problem, records=tuple(records)), near))
+    covariance = np.mean([one.covariance for one in found], axis=0)
+    seen = np.all([one.seen for one in found], axis=0)
+    return problem, parameters, replace(found[0], covariance=covariance, seen=seen)
