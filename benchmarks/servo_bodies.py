@@ -80,6 +80,7 @@ def held(found: ActuatorEstimate, robot: Robot, true: Array) -> dict[str, object
             for (name, value, own, _), half in zip(rows, halves, strict=True)
         ],
         "parameters": shapes,
+        "at_bounds": list(body.bounds),
     }
 
 
@@ -108,4 +109,5 @@ def lines_of(lines: Sequence[Mapping]) -> list[str]:
         found.append(
             f"standard parameters, {label}: {100 * holds / count:.1f} % of {count} within 1.96 standard deviations"
         )
+    found.append(f"masses at a bound: {sum(bool(one.get('at_bounds')) for one in own)} of {len(own)} seeds")
     return found

@@ -13,13 +13,14 @@ from servo_bench import CASE_OF_LOGS, PENDULUM, TRUE, fill, parameters, virtual_
 
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator, read_actuators, write_actuators
-from dynident.actuators.free_bodies import FreeBodies, with_bodies
+from dynident.actuators.free_bodies import FreeBodies, bodies_data, read_bodies, with_bodies
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.joint_load import with_payload
 from dynident.actuators.servo_log import ServoColumns, ServoSetup
 from dynident.cli.main import main
 from dynident.exports.actuator_bodies import robot_of
 from dynident.model.robot import Robot
+from dynident.results.actuator_text import bodies_warnings
 from dynident.robot_files import read_robot
 from dynident.simulation.effects import Payload
 
@@ -114,6 +115,20 @@ def test_a_known_payload_gives_the_scale(robot: Robot, tmp_path: Path) -> None:
     for name in ("full_torque", "back_emf", "coulomb"):
         assert known[name].label == "identified" and known[name].value == pytest.approx(TRUE[name], rel=0.03), name
     assert float(np.hypot(*found.bodies.theta[0, [6, 8]])) == pytest.approx(0.8 * 0.15, rel=0.03)
+    assert found.bodies.bounds == ()
+    light = identify_actuators(with_bodies(robot, np.asarray(robot.nominal).reshape(-1, 10) / 1.8), setup, logs)
+    assert light.bodies is not None and light.bodies.bounds == (f"total mass <= {1.5 * 0.8 / 1.8:g} kg",)
+
+
+def test_masses_that_end_at_a_bound_are_named() -> None:
+    """With the link or the total, the bound, and the key that states another."""
+    rows = np.ones((1, 10))
+    bounds = ("total mass <= 0.67 kg", "arm: mass >= 0.1 kg")
+    bodies = FreeBodies(("arm",), rows, rows, rows, (("identified",) * 10,), 0.01, True, bounds)
+    assert read_bodies(bodies_data(bodies)).bounds == bounds
+    total, link = bodies_warnings(bodies)
+    assert "bound total mass <= 0.67 kg" in total and "too light" in total and "total_mass: ..." in total
+    assert "mass of arm" in link and "too heavy" in link and "links: {arm: {mass: ...}}" in link
 
 
 ARM = """<mujoco><worldbody><body name="a" pos="0 0 0.1"><joint name="j1" axis="0 1 0" range="-90 90"/>

@@ -33,8 +33,8 @@ from dynident.actuators.joint_load import carrying, rigid_inertia
 from dynident.actuators.servo_log import ServoLog, ServoSetup
 from dynident.arrays import Array
 from dynident.errors import NotConsistent
-from dynident.identification.consistency.conditions import conditions_of
-from dynident.identification.consistency.consistent_fit import MARGIN, data_shares, solve_program
+from dynident.identification.consistency.conditions import Conditions, conditions_of
+from dynident.identification.consistency.consistent_fit import ACTIVE, MARGIN, data_shares, solve_program
 from dynident.identification.consistency.labels import label_word
 from dynident.identification.consistency.plausible_fit import fitting_bodies, nominal_bodies
 from dynident.identification.consistency.program import Program, whitened_rows
@@ -220,7 +220,14 @@ class _Prior:
             tuple(tuple(words[10 * k : 10 * k + 10]) for k in range(len(self.names))),
             scale,
             bool(scale < np.sqrt(0.5) * DEVIATION),
+            _mass_bounds(found.program.conditions, found.phi),
         )
+
+
+def _mass_bounds(rules: Conditions, phi: Array) -> tuple[str, ...]:
+    """Return the bounds of masses that bodies end at, in words."""
+    rows = zip(rules.sign_words, rules.signs(phi), rules.sign_sizes, strict=True)
+    return tuple(words for words, slack, (_, unit) in rows if unit == "kg" and slack < ACTIVE)
 
 
 def _best_known(base: Array, covariance: Array) -> Array:

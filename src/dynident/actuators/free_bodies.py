@@ -31,6 +31,7 @@ class FreeBodies:
         labels: What each parameter stands on, as of ``consistency.labels``; l times ten.
         scale: Standard deviation of the scale that bodies and torques have in common, as a share of it.
         is_scaled: Whether the logs determine that scale, which takes a payload; else it is that of the robot model.
+        bounds: Bounds of a mass or of the total mass that the bodies ended at, in words.
     """
 
     names: tuple[str, ...]
@@ -40,6 +41,7 @@ class FreeBodies:
     labels: tuple[tuple[str, ...], ...]
     scale: float
     is_scaled: bool
+    bounds: tuple[str, ...] = ()
 
 
 def with_bodies(robot: Robot, theta: Array) -> Robot:
@@ -56,7 +58,8 @@ def bodies_data(bodies: FreeBodies) -> dict[str, Any]:
             symbol: {"value": value, "nominal": nominal, "standard_deviation": deviation, "label": label}
             for symbol, value, nominal, deviation, label in zip(TEN, *own, strict=True)
         }
-    return {"links": links, "scale_deviation": bodies.scale, "scale_from_logs": bodies.is_scaled}
+    found = {"links": links, "scale_deviation": bodies.scale, "scale_from_logs": bodies.is_scaled}
+    return {**found, "at_bounds": list(bodies.bounds)}
 
 
 def read_bodies(data: Mapping[str, Any]) -> FreeBodies:
@@ -72,4 +75,5 @@ def read_bodies(data: Mapping[str, Any]) -> FreeBodies:
     )
     labels = tuple(tuple(str(own[symbol]["label"]) for symbol in TEN) for own in links.values())
     scale, is_scaled = float(data["scale_deviation"]), bool(data["scale_from_logs"])
-    return FreeBodies(tuple(links), nominal, value, deviation, labels, scale, is_scaled)
+    bounds = tuple(map(str, data.get("at_bounds", ())))
+    return FreeBodies(tuple(links), nominal, value, deviation, labels, scale, is_scaled, bounds)

@@ -40,6 +40,7 @@ def run(case: Case, options: argparse.Namespace) -> int:
         all_warnings,
         bodies_lines,
         bodies_table,
+        bodies_warnings,
         headline,
         joint_lines,
         parameter_table,
@@ -71,6 +72,8 @@ def run(case: Case, options: argparse.Namespace) -> int:
         console.answer_table(bodies_table(found.bodies), "bodies")
         for line in bodies_lines(found.bodies):
             console.answer(f"  {line}")
+        for warning in bodies_warnings(found.bodies):
+            console.answer(f"warning: {warning}")
     for warning in all_warnings(found.joints):
         console.answer(f"warning: {warning}")
     for text in found.provenance.get("left_out", ()):

@@ -15,6 +15,7 @@ from dynident.arrays import Array
 from dynident.results.actuator_text import (
     bodies_lines,
     bodies_table,
+    bodies_warnings,
     headline,
     joint_lines,
     joint_warnings,
@@ -104,7 +105,12 @@ def _errors(runs: Sequence[FollowedJoint]) -> dict[str, object]:
 
 
 def _bodies(bodies: FreeBodies) -> dict[str, object]:
-    return {"lines": bodies_lines(bodies), "warnings": [], "tables": [bodies_table(bodies)], "figures": []}
+    return {
+        "lines": bodies_lines(bodies),
+        "warnings": bodies_warnings(bodies),
+        "tables": [bodies_table(bodies)],
+        "figures": [],
+    }
 
 
 def _joint(joint: JointActuator, runs: Sequence[FollowedJoint]) -> dict[str, object]:

@@ -74,6 +74,20 @@ def bodies_lines(bodies: FreeBodies) -> list[str]:
     ]
 
 
+def bodies_warnings(bodies: FreeBodies) -> list[str]:
+    """Return at which bounds the masses ended, and what to state in their place."""
+    found = []
+    for words in bodies.bounds:
+        link, _, rest = words.rpartition(": ")
+        key = f"links: {{{link}: {{mass: ...}}}}" if link else "total_mass: ..."
+        whole = f"the mass of {link} ended at its bound, {rest}" if link else f"the masses ended at the bound {rest}"
+        found.append(
+            f"{whole}: the bodies of the robot model are too {'light' if '<=' in rest else 'heavy'} for these logs; "
+            f"correct them or the payload, or state what is known (constraints: {{{key}}}, a number or {{max: ...}})"
+        )
+    return found
+
+
 def joint_lines(joint: JointActuator) -> list[str]:
     """Return what has to be said of one joint beside its table."""
     law = joint.law.name or "stated in the case file"
