@@ -26,6 +26,7 @@ class Kind:
         needs: A column that the log must have.
         why: Why there is no strength, or why no smallest one is looked for.
         joint: Number of the joint that must be named, of a trial and a strength; None where it is the whole log.
+        of_all: Whether a finding about single joints does not name it.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Kind:
     needs: str = ""
     why: str = "either there or not"
     joint: Callable[[Trial, float], int] | None = None
+    of_all: bool = False
 
 
 REFUSED = "one such row and the log is refused"
@@ -152,7 +154,13 @@ KINDS = (
         (1e-3, 1.0),
         joint=lambda c, s: 1,
     ),
-    Kind("torque scale of all [share]", ("torque unit", "torque scale"), lambda c, s, g: put.scaled(c, s), (1e-3, 1.0)),
+    Kind(
+        "torque scale of all [share]",
+        ("torque unit", "torque scale"),
+        lambda c, s, g: put.scaled(c, s),
+        (1e-3, 1.0),
+        of_all=True,
+    ),
     Kind(
         "current for torque [A per N m]",
         ("torque unit",),

@@ -52,6 +52,7 @@ def named(kind: Kind, joint: str, found: tuple[Finding, ...], clean: tuple[Findi
     return any(
         finding.name in kind.right
         and (not joint or joint in finding.joint.split(", "))
+        and not (kind.of_all and finding.joint)
         and (finding.name == OPEN or _is_new(finding, known.get((finding.name, finding.joint))))
         for finding in found
     )

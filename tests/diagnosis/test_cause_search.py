@@ -79,6 +79,14 @@ def test_a_cause_gives_way_to_those_that_it_stood_for() -> None:
     assert {blame.cause.name for blame in found.blames()} == {"cause 1", "cause 2"}
 
 
+def test_a_cause_that_explains_as_much_is_told_beside_a_sure_one_though_it_is_not_sure_itself() -> None:
+    first, second = np.random.default_rng(3).normal(size=(2, 400, 2)) * [1.0, 0.0]
+    torque, near = 0.22 * first, first + 0.35 * second
+    (blame,) = search(torque, np.stack([first, near])).blames()
+    assert blame.cause.name == "cause 0" and [rival.cause.name for rival in blame.rivals] == ["cause 1"]
+    assert not search(torque, near[None] + second).blames()
+
+
 @pytest.mark.parametrize("pole", [0.9, -0.5])
 def test_rows_count_as_the_column_has_them(pole: float) -> None:
     """The variance of a slow and of a fast coefficient under coloured noise, against that of 400 draws."""

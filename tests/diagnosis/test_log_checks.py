@@ -320,11 +320,13 @@ def test_a_change_shows_against_an_earlier_estimate_where_the_description_is_wro
     assert all(abs(one.numbers["mass_kg"] - 0.05) > 0.1 for one in told)  # that of the wrong bodies
 
 
-def test_an_earlier_estimate_of_a_clean_log_changes_nothing(
+def test_an_earlier_estimate_of_a_clean_log_changes_nothing_and_one_of_another_robot_is_told(
     trial: Trial, clean: tuple[Finding, ...], tmp_path: Path
 ) -> None:
     earlier = virtual(trial.case, seed=4, rate=RATE).estimate(tmp_path)
     assert trial.examined(tmp_path, earlier).findings == clean
+    (found,) = [one for one in put.other_arm(trial, 0).examined(tmp_path, earlier).findings if one.severity == "error"]
+    assert found.name == "another robot" and "or its axis is turned by 120 degrees" in found.evidence
 
 
 def test_findings_are_plain_data(trial: Trial, tmp_path: Path) -> None:

@@ -29,6 +29,13 @@ from dynident.identification.residuals.quantiles import (
 #: Chance that a log without any cause has one told in a round, rows that hang together counted once.
 CHANCE = 1e-4
 
+#: Share of a joint's residual variance from which a cause matters, 5 % of the error, and false ones among those told
+#: that matter, as expected.
+MATTERS, FALSE = 0.1, 1e-3
+
+#: Chance, all causes counted, up to which one that explains as much as a sure one is told beside it.
+RIVAL_CHANCE = 0.05
+
 #: Difference of two criteria of Schwarz below which the log does not tell two causes apart (Kass and Raftery 1995:
 #: beyond 6 the evidence is strong), and rivals that are told at most.
 CLOSE, RIVALS = 6.0, 2
@@ -253,12 +260,13 @@ class CauseSearch:
             {k: self.causes[k].likelier * (own * line - len(self._places[k]) * rows) for k, own in falls.items()}
             for line in (1.0, 2.0)
         )
-        best = (k for k in sorted(rest, key=lambda k: -merits[k]) if self._may_be_sure(falls[k], len(self.causes), k))
+        level = FALSE * (1 + len(chosen))
+        best = (k for k in sorted(rest, key=lambda k: -merits[k]) if self._may_be_sure(falls[k], len(rest), k, level))
         return {k: most[k] for k in islice(best, FITTED)}
 
-    def _may_be_sure(self, ratio: float, tried: int, k: int) -> bool:
+    def _may_be_sure(self, ratio: float, tried: int, k: int, level: float) -> bool:
         """Return whether a cause may be sure in a fit of its own, by what its straight line is at most."""
-        return bool(tried * chi_square_tail(2.0 * ratio, self.causes[k].told) < CHANCE)
+        return bool(tried * chi_square_tail(2.0 * ratio, self.causes[k].told) < level)
 
     def _left(self, chosen: Sequence[int]) -> list[int]:
         return [k for k in range(len(self.causes)) if k not in chosen]
@@ -297,20 +305,32 @@ class CauseSearch:
         return found
 
     def _next(self, before: Solved, chosen: list[int]) -> tuple[int, Solved, Blame] | None:
-        sure: list[tuple[float, int, Solved, tuple[Array, float]]] = []
-        promising = list(self.candidates(before, chosen).items())
+        """Return the likeliest of the causes that are sure, its fit, and what is said of it; None where none is.
+
+        One that matters is sure where the false ones among those told are few (Benjamini and Gavrilov 2009), another
+        one where hardly any log has one by chance.
+        """
+        tried: list[tuple[float, int, Solved, tuple[Array, float]]] = []
+        sure: dict[int, float] = {}
+        promising, left = list(self.candidates(before, chosen).items()), len(self._left(chosen))
         for part in (promising[:FIRST], promising[FIRST:]):
-            least = max((merit for merit, *_ in sure), default=-np.inf) - CLOSE
-            tried = [k for k, most in part if most > least]
-            for k, counted in zip(tried, self.worths([(*chosen, k) for k in tried]), strict=True):
+            least = max(sure.values(), default=-np.inf) - CLOSE
+            near = [k for k, most in part if most > least]
+            for k, counted in zip(near, self.worths([(*chosen, k) for k in near]), strict=True):
                 after, columns = self.fit([*chosen, k]), self.causes[k].told
                 ratio = _ratio(before, after, counted[0])
-                if len(self.causes) * chi_square_tail(ratio, columns) < CHANCE:
-                    merit = self.causes[k].likelier * (ratio - columns * float(np.log(counted[0].sum())))
-                    sure.append((merit, k, after, counted))
+                merit = self.causes[k].likelier * (ratio - columns * float(np.log(counted[0].sum())))
+                chance = chi_square_tail(ratio, columns)
+                if left * chance < RIVAL_CHANCE:
+                    tried.append((merit, k, after, counted))
+                matters = float(np.max(1.0 - after.variances / before.variances)) > MATTERS
+                if len(self.causes) * chance < CHANCE or (matters and left * chance < FALSE * (1 + len(chosen))):
+                    sure[k] = merit
         if not sure:
             return None
-        (best, k, after, counted), *others = sorted(sure, key=lambda each: -each[0])
+        likeliest = max(sure, key=lambda k: sure[k])
+        ((best, k, after, counted),) = [each for each in tried if each[1] == likeliest]
+        others = sorted((each for each in tried if each[1] != k), key=lambda each: -each[0])
         close = [each for each in others if best - each[0] < CLOSE][:RIVALS]
         rivals = tuple(self._blame(before, solved, other, own) for _, other, solved, own in close)
         return k, after, replace(self._blame(before, after, k, counted), rivals=rivals)
@@ -330,7 +350,7 @@ class CauseSearch:
             pair: (fall - max(alone[k] for k in pair)) / self.rows.oversampling for pair, fall in together.items()
         }
         for a, b in sorted(pairs, key=lambda pair: -beside[pair])[:FITTED]:
-            if not (self._may_be_sure(beside[a, b], len(pairs), a) and self._may_be_sure(beside[a, b], len(pairs), b)):
+            if not all(self._may_be_sure(beside[a, b], len(pairs), k, CHANCE) for k in (a, b)):
                 continue
             chances, orders = [], ((a, b), (b, a))
             counted = self.worths([(*chosen, *order) for order in orders])

@@ -28,6 +28,9 @@ GOOD = 0.3
 #: Friction feeds power into a joint beyond doubt: z-score and share of torque times speed.
 FEEDS, FEEDS_SHARE = -6.0, -0.05
 
+#: Gain of the score from which a sign is turned at a joint that friction drives.
+FED = -0.5
+
 
 @dataclass(frozen=True)
 class Interpretation:
@@ -116,11 +119,12 @@ def _explained(fit: QuickFit, variances: Array, mixing: Array, joints: Sequence[
     return bool((np.sqrt(variances[list(joints)]) < GOOD * np.array(size)).all())
 
 
-def position_readings(fit: QuickFit, wrong: BoolArray) -> Iterator[Interpretation]:
+def position_readings(fit: QuickFit, wrong: BoolArray, feeds: BoolArray) -> Iterator[Interpretation]:
     """Yield the signs, orders and units of the positions under which a log agrees far better.
 
     Pairs of positions are exchanged at ``wrong`` joints, shape (n,), and beside them, and all positions are read in
-    another order or unit where half of the joints are wrong; a position of another sign may upset other joints alone.
+    another order or unit where half of the joints are wrong; a position of another sign may upset other joints alone,
+    and mends friction that drives a joint, ``feeds`` (n,), as a torque of another sign does.
     """
     near = wrong | np.append(wrong[1:], False) | np.append(False, wrong[:-1])
     most = wrong.sum() >= len(wrong) / 2
@@ -129,9 +133,9 @@ def position_readings(fit: QuickFit, wrong: BoolArray) -> Iterator[Interpretatio
     for i, name in enumerate(names):
         turned = q.copy()
         turned[:, i] *= -1
-        yield from _read(
-            fit, _reduced(fit, turned), "position sign", (name,), "negate the column of its position, or the axis"
-        )
+        remedy = "negate the column of its position, or the axis"
+        least = FED if feeds[i] else GAIN + 1.0
+        yield from _read(fit, _reduced(fit, turned), "position sign", (name,), remedy, least=least)
     pairs = combinations(np.flatnonzero(near).tolist(), 2)
     orders = [_turned(tuple(range(len(names))), pair) for pair in pairs]
     for order in dict.fromkeys(chain(orders, _whole_orders(len(names)) if most else ())):
@@ -164,12 +168,13 @@ def _read(
     remedy: str,
     how: str = "with it,",
     mixing: Array | None = None,
+    least: float = GAIN + 1.0,
 ) -> Iterator[Interpretation]:
     rows, triangles = reduced
     solved = fit.solve(triangles.products, mixing)
     gain = fit.plain.score - solved.score
     share, z = fit.friction_power(solved)
-    if gain > GAIN + 1 and not feeding(share, z).any():
+    if gain > least and not feeding(share, z).any():
         yield Interpretation(
             name, joints, gain, how, remedy, ReadRows(rows, np.eye(len(share)) if mixing is None else mixing)
         )

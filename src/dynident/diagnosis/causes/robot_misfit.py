@@ -18,12 +18,15 @@ from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, as_stated, judged
 from dynident.diagnosis.causes.quick_fit import QuickFit
 
-#: Ridge, as a share of the squares of a joint's column.
-RIDGE = 1e-2
+#: Ridges that are tried, as shares of the squares of a joint's column: many parameters need a strong one.
+RIDGES = (1e-2, 1e-1, 1.0)
 
 #: Share of the torque that is left, gain of parameters of each joint's own in log variance, and standard errors of it,
 #: from which the torques are surely another robot's; share left from which they are suspected to be.
 LEFT, GAIN, SURE, SUSPECTED = 0.1, 1.0, 3.0, 0.25
+
+#: Share of what is left, root mean squares, below which known causes explain most of it: half of the variance.
+MOST = 0.7
 
 
 @dataclass(frozen=True)
@@ -60,20 +63,23 @@ def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence
         fit: The log.
         reading: How its rows are read; None for as the case states.
         known: Causes of a residual: those that predict unseen samples better are taken in, where so much is left that
-            they matter.
+            they matter and they explain most of it.
     """
     held = HeldOutErrors(fit)
     reading = reading or as_stated(fit)
     errors, torque, told = held.errors(reading), reading.rows.torque, judged(fit.rows.masks)
     columns = zip(torque.T, reading.rows.masks.T, told, strict=True)
     size = np.array([np.var(column[mask]) if one else 0.0 for column, mask, one in columns])
-    counts, shared = np.maximum(reading.rows.masks.sum(axis=0), 1), reading
+    counts, shared, plain = np.maximum(reading.rows.masks.sum(axis=0), 1), reading, errors
     for blame in known if _left(errors / counts, size) > LEFT else ():
         taken = _with_cause(shared, blame)
         lower = held.errors(taken)
         if held.difference(lower, errors)[0] > 0.0:
             shared, errors = taken, lower
-    gain, spread = held.difference(held.errors(shared, ridge=RIDGE), errors)
+    if _left(errors / counts, size) > MOST * _left(plain / counts, size):
+        shared, errors = reading, plain
+    alone = [held.difference(held.errors(shared, ridge=ridge), errors) for ridge in RIDGES]
+    gain, spread = max(alone, key=lambda each: each[0] / max(GAIN, SURE * each[1]))
     joints = np.sqrt(errors.sum(axis=0) / counts / np.maximum(size, 1e-300))
     return RobotMisfit(_left(errors / counts, size), joints, gain, spread)
 

@@ -17,7 +17,7 @@ from dynident.diagnosis.finding import Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
 #: figure, in which the errors of the known bodies count, from which it is one and from which it is told.
-MATTERS, SURE, TOLD = 0.1, 4.0, 2.0
+MATTERS, SURE, TOLD = 0.1, 5.0, 2.0
 
 #: Half-width of the interval of a load as a share of its mass up to which it is a warning.
 NARROW = 0.5

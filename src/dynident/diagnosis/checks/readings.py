@@ -11,6 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.diagnosis.causes.column_readings import (
+    FED,
     FEEDS,
     GAIN,
     GOOD,
@@ -29,12 +30,16 @@ from dynident.diagnosis.causes.torque_scales import reading_of
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
+from dynident.model.robot import Robot
 
 #: What a wrong reading of torques makes wrong besides: gravity against the masses of the robot model.
 READING_CONSEQUENCES = (*CONSEQUENCES, "mounting")
 
 #: Relative residuals above which a joint is not explained: of any log, and of one that would be another robot's.
 POOR, POOR_OF_ANOTHER = 0.25, 0.1
+
+#: Degrees, and share of the reach, by which link frames may differ between two models of one robot.
+FRAMES_TURNED, FRAMES_MOVED = 5.0, 0.05
 
 #: Readings that are told beside the best one at most, where the log does not tell them apart.
 RIVALS = 2
@@ -50,6 +55,9 @@ class Readings(Check):
         fit = subject.fit
         if fit is None:
             return []
+        unlike = "" if subject.earlier is None else frames_off(subject.earlier.model.robot, subject.case.robot)
+        if unlike:
+            return [_another_model(unlike)]
         share, z = fit.friction_power(fit.plain)
         feeds = feeding(share, z)
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
@@ -85,6 +93,26 @@ def _reading_finding(found: Sequence[tuple[float, Interpretation]]) -> Finding:
     numbers = {"gain": gain, **best.numbers}
     explains = tuple(name for name in READING_CONSEQUENCES if name != best.name)
     return Finding("error", best.name, listed(best.joints), evidence, best.remedy, numbers, explains)
+
+
+def frames_off(earlier: Robot, robot: Robot) -> str:
+    """Return in words where the link frames of two models of one robot are too far off; empty where they agree."""
+    reach = max(sum(float(np.linalg.norm(joint.translation)) for joint in robot.joints), 1e-9)
+    for joint, other in zip(robot.joints, earlier.joints, strict=False):
+        turned = float(np.trace(np.asarray(joint.rotation).T @ other.rotation) - 1.0) / 2.0
+        angles = [np.degrees(np.arccos(np.clip(each, -1.0, 1.0))) for each in (turned, joint.axis @ other.axis)]
+        shift = float(np.linalg.norm(joint.translation - other.translation))
+        if max(angles) > FRAMES_TURNED:
+            return f"the link of {joint.name} or its axis is turned by {max(angles):.0f} degrees"
+        if shift > FRAMES_MOVED * reach:
+            return f"the link of {joint.name} is {shift:.3g} m off"
+    return ""
+
+
+def _another_model(unlike: str) -> Finding:
+    evidence = f"the earlier estimate was identified with another robot model: {unlike}"
+    remedy = "use the robot model of the robot that was logged, and an estimate that was identified with it"
+    return Finding("error", "another robot", "", evidence, remedy, {}, READING_CONSEQUENCES)
 
 
 def _another_robot(misfit: RobotMisfit, fit: QuickFit, severity: Severity) -> Finding:
@@ -167,7 +195,7 @@ def _candidates(fit: QuickFit, feeds: BoolArray, poor: float) -> Iterator[Interp
         yield from _couplings(fit)
     wrong = (fit.relative > poor) | feeds
     if wrong.any():
-        yield from position_readings(fit, wrong)
+        yield from position_readings(fit, wrong, feeds)
 
 
 def _torque_signs(fit: QuickFit, feeds: BoolArray) -> BoolArray:
@@ -182,7 +210,7 @@ def _torque_signs(fit: QuickFit, feeds: BoolArray) -> BoolArray:
         wanted = [
             (solved, i)
             for solved, i in trials
-            if best.score - solved.score > (-0.5 if feeds[i] else GAIN) and not _drives(fit, solved, signs, i)
+            if best.score - solved.score > (FED if feeds[i] else GAIN) and not _drives(fit, solved, signs, i)
         ]
         if not wanted:
             return signs
