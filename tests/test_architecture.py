@@ -96,6 +96,7 @@ SMALL = {
     "arrays.py": "ground of all wings",
     "case/draft/stated_units.py": "what files state, apart from what their values say",
     "case/draft/yaml_words.py": "how YAML is written, apart from what",
+    "case/open_friction.py": "needed by cases that leave friction to the logs, and loads identification",
     "case/evidence/positions.py": "one kind of evidence",
     "case/evidence/rows.py": "one kind of evidence",
     "case/draft/servo_text.py": "one key of a draft",

@@ -169,6 +169,16 @@ FAULTS = [
     (("friction: [coulom]",), "line 3, friction.1: no friction model called 'coulom'", "did you mean 'coulomb'?"),
     (("friction:", "  - coulomb: {widht: 1}"), "line 4, friction.1: widht = '1' is not possible", "'width'?"),
     (("friction:", "  - coulomb: {width: wide}"), "width = 'wide' is not possible", "write a value of the kind float"),
+    (
+        ("friction:", "  - offset: {vary: width}"),
+        "line 4, friction.1: vary = 'width' is not possible",
+        "can vary: nothing; leave it out",
+    ),
+    (
+        ("friction:", "  - presliding", "  - presliding: {element: 2}"),
+        "line 5, friction.2: element = 2 is not possible",
+        "give each a length of its own",
+    ),
     (("friction:", "  - {coulomb: {}, viscous: {}}"), "neither a name nor one name with its options", "write name"),
     (("gravity: [0, 0]",), "line 3, gravity: 3 numbers are needed, not a list of 2", "write a list of 3 numbers"),
     (("gravity: [0, 0, down]",), "gravity.3: 'down' is not a number", "write one plain number"),

@@ -146,6 +146,8 @@ def test_identify_finds_fields_first(planar_2r: Robot, exact_log: MakeLog) -> No
     assert isinstance(part, Degressive) and part.exponent == found.value
     ((title, table),) = choice_tables(estimate.choices)
     assert title.startswith("Friction fields") and table.rows[0][:3] == ("degressive", "all", "exponent")
+    ends = replace(estimate.choices, non_linear=(replace(found, value=found.high),))
+    assert not table.note and choice_tables(ends)[0][1].note.endswith("may ask for more: degressive exponent.")
 
 
 def test_only_non_linear_fields_vary(planar_2r: Robot, exact_log: MakeLog) -> None:

@@ -238,14 +238,14 @@ def test_parameters_table_golden() -> None:
         "-  --------------------------  ---------  --------  -----  ------------\n"
         "1  Izz[link1] + 0.16 m[link2]  50.44      0.12      kg·m²          0.24\n"
         "2  Fc[joint1]                   4         0         N·m            0\n"
-        "3  mx[link2]                    0.0       0.5       kg·m         inf\n"
+        "3  mx[link2]                    0.0       0.5       kg·m           –\n"
         "4  Ixy[link2]                  -1.20e-07  0.30e-07  kg·m²         25"
     )
     assert parameters_table(cast(Estimate, estimate), width=12).rows[0][1] == "Izz[link1]…"
     assert table.rows == (
         ("1", "Izz[link1] + 0.16 m[link2]", "50.44", "0.12", "kg·m²", "0.24"),
         ("2", "Fc[joint1]", "4", "0", "N·m", "0"),
-        ("3", "mx[link2]", "0.0", "0.5", "kg·m", "inf"),
+        ("3", "mx[link2]", "0.0", "0.5", "kg·m", MISSING),
         ("4", "Ixy[link2]", "-1.20e-07", "0.30e-07", "kg·m²", "25"),
     )
 

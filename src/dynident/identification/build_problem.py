@@ -31,7 +31,7 @@ from dynident.identification.selection.friction.variable_projection import (
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Friction, auto_friction, motor_ripple
+from dynident.model.friction import Friction, auto_friction, called, motor_ripple
 
 
 @dataclass(frozen=True)
@@ -99,10 +99,15 @@ def build_problem(
 
 
 def _resolution(model: DynamicModel, logs: Sequence[Log]) -> Array | None:
-    """Return the coarsest step of the positions of each drive, shape (n,); None where no friction part asks."""
+    """Return the least distance that the positions of each drive show, shape (n,); None where no friction part asks.
+
+    That is their resolution, or half of what nearly all steps from sample to sample of moving ones exceed.
+    """
     if not any(span.is_distance for part in model.friction for span in part.ranges.values()):
         return None
-    joints = np.max([log.resolution for log in logs], axis=0)
+    steps = [own for log in logs for own in np.abs(np.diff(log.q, axis=0)).T]
+    least = np.reshape([0.5 * np.quantile(own[own > 0], 0.01) if own.any() else 0.0 for own in steps], (len(logs), -1))
+    joints = np.max([*(log.resolution for log in logs), *least], axis=0)
     return np.max(np.abs(np.asarray(model.robot.coupling)) * joints, axis=1)
 
 
@@ -130,18 +135,17 @@ def _within_logs(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) -
             continue
         moved: dict[str, Any] = {}
         for name, span in spans:
-            stated = f"{FRICTION.name_of(part)}: {name} {getattr(part, name):g}"
-            if span.is_distance and getattr(part, name) < least:
-                if name not in left_open:
-                    evidence = f"{stated} is below the resolution of the positions, {least:.3g} rad (or m)"
-                    raise LogMismatch(logs[0].name, evidence, f"state at least {least:.2g}, or log finer positions")
-                moved[name] = least
-            if span.is_duration and getattr(part, name) > longest:
-                if name not in left_open:
-                    evidence = f"{stated} s is longer than the longest log, {longest:.3g} s"
-                    step = "log at least as long from a cold start, state a shorter time, or leave the part out"
-                    raise LogMismatch(logs[0].name, evidence, step)
-                moved[name] = longest
+            value, is_short = getattr(part, name), span.is_distance
+            if not (value < least if is_short else span.is_duration and value > longest):
+                continue
+            why = f"is below the least distance that the positions show, {least:.3g} rad (or m)"
+            step = f"state at least {least:.2g}, or log finer positions at a higher rate"
+            if not is_short:
+                why = f"s is longer than the longest log, {longest:.3g} s"
+                step = "log at least as long from a cold start, state a shorter time, or leave the part out"
+            if name not in left_open:
+                raise LogMismatch(logs[0].name, f"{called(part)}: {name} {value:g} {why}", step)
+            moved[name] = least if is_short else longest
         parts.append(replace(part, **moved) if moved else part)
     return (replace(model, friction=tuple(parts)) if tuple(parts) != model.friction else model), finest
 
@@ -203,7 +207,7 @@ def _within_cycle(model: DynamicModel, part: Friction, logs: Sequence[Log], how:
         return replace(part, joints=kept) if kept and short else part if kept else None
     if short:
         moved = ", ".join(f"'{names[drive]}' {span[drive]:.3g}" for drive in short)
-        repeats = f"{FRICTION.name_of(part)} repeats after {part.cycle:.3g} rad (or m)"
+        repeats = f"{called(part)} repeats after {part.cycle:.3g} rad (or m)"
         evidence = f"{repeats}, and less than half of that is seen: {moved}"
         slow = f"slower than {fastest:.3g} rad/s (or m/s), where the filter passes it"
         step = f"log motions over at least a whole cycle, {slow}, or state the part for other joints (joints: ...)"

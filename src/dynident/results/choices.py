@@ -150,7 +150,9 @@ def _fields(found: Sequence[FieldEstimate]) -> Table:
         )
         for each in found
     )
-    return Table(columns, rows)
+    at_end = [" ".join(_field(each)[::2]) for each in found if each.value in (each.low, each.high)]
+    note = f"At an end of the range that is looked at, beyond which the data may ask for more: {', '.join(at_end)}."
+    return Table(columns, rows, note if at_end else "")
 
 
 def cutoff_lines(choices: Choices) -> list[str]:

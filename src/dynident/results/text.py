@@ -265,7 +265,8 @@ def parameters_table(estimate: Estimate, width: int | None = None) -> Table:
     for number, (name, value, unit, deviation, relative) in enumerate(known, start=1):
         shown, spread = format_value(value, deviation)
         called = label(name) if width is None else shorten(label(name), width)
-        rows.append((str(number), called, shown, spread, pretty_unit(unit), format_percent(relative, sign=False)))
+        share = format_percent(relative if value else np.nan, sign=False)  # there is none of a value of 0
+        rows.append((str(number), called, shown, spread, pretty_unit(unit), share))
     columns = (
         Column("#", numeric=True),
         Column("parameter"),

@@ -19,7 +19,7 @@ from dynident.exports.models.c_header import CHeader
 from dynident.exports.models.writing import c_programs
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import Motion
+from dynident.model.friction import Friction, Motion
 from dynident.model.friction.base import Inputs, Number
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
@@ -30,7 +30,7 @@ WARNINGS = ("-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-Wshado
 EVERYTHING = ("coulomb", "viscous", "offset", "rotor_inertia", "load", "stribeck", "polynomial", "periodic")
 
 
-def bare(robot: Robot, friction: tuple[str, ...]) -> Estimate:
+def bare(robot: Robot, friction: tuple[str | Friction, ...]) -> Estimate:
     """Return an estimate with drawn friction."""
     model = DynamicModel(robot, friction)  # type: ignore[arg-type]
     nominal = model.nominal()

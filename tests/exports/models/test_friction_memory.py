@@ -9,6 +9,8 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Callable
+from importlib.util import find_spec
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +26,10 @@ from dynident.data.preprocessing import preprocess
 from dynident.exports.models import export_model
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.friction import Motion
+from dynident.model.friction.presliding import Presliding
 from dynident.model.robot import Robot
 
-PARTS = ("coulomb", "viscous", "load", "presliding")
+PARTS = ("coulomb", "viscous", "load", "presliding", Presliding(6e-3, 0.4, 2))
 
 #: A memory that is carried from row to row, beside the functions that take one.
 MEMORY = """
@@ -59,6 +62,25 @@ def by_numpy(estimate: Estimate, motion: Motion, folder: Path) -> Array:
     return space["inverse_dynamics"](motion.q, motion.dq, motion.ddq, np.array([memory.step(q) for q in motion.q]))
 
 
+def by_casadi(estimate: Estimate, motion: Motion, folder: Path) -> Array:
+    """Return the torques by the functions that CasADi has; by their formulas where it is not installed."""
+    export_model(estimate, "casadi", folder / "arm.py", proof=False)
+    space: dict[str, Any] = {"__name__": "arm"}
+    exec(compile((folder / "arm.py").read_text("ascii"), "arm.py", "exec"), space)
+    has = space["build"]() if find_spec("casadi") else None
+
+    def step(*given: Array) -> Array:
+        found = has["next_state"](*given) if has else space["_next_state"](np, *given)
+        return np.asarray(found, dtype=np.float64).ravel()
+
+    size = sum(len(part.states) for part in estimate.model.friction) * motion.q.shape[1]
+    states = accumulate(pairwise(motion.q), lambda state, pair: step(state, *pair), initial=np.zeros(size))
+    columns = [motion.q.T, motion.dq.T, motion.ddq.T, np.array(list(states)).T]
+    if has:
+        return np.asarray(has["inverse_dynamics"].map(len(motion.q))(*columns)).T
+    return np.stack(np.broadcast_arrays(*space["_inverse_dynamics"](np, *columns)), axis=1)
+
+
 def by_header(estimate: Estimate, motion: Motion, folder: Path) -> Array:
     export_model(estimate, "c_header", folder / "arm.h", proof=False)
     header = Header(folder / "arm.h", [], more=MEMORY)
@@ -80,7 +102,7 @@ def by_unit(estimate: Estimate, motion: Motion, folder: Path) -> Array:
     return np.array(found)
 
 
-WAYS = [by_numpy, pytest.param(by_header, marks=needs_compiler), pytest.param(by_unit, marks=needs_compiler)]
+WAYS = [by_numpy, by_casadi, pytest.param(by_header, marks=needs_compiler), pytest.param(by_unit, marks=needs_compiler)]
 
 
 @pytest.mark.parametrize("way", WAYS)

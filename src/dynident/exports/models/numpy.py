@@ -142,7 +142,7 @@ def _memory(subject: Identified) -> dict[str, str]:
     lines += [f"            self.state = np.stack([{', '.join(state.expression for state in states)}], axis=1)"]
     values = {
         "MEMORY": MEMORY,
-        "MEMORY_ABOUT": f"    Memory(), states_along(q{dt})     states of friction, shape (N, @JOINTS@, @STATES@)\n",
+        "MEMORY_ABOUT": f"    Memory().step(q{dt}), states_along(q{dt})  its state, (@JOINTS@, @STATES@) a sample\n",
         "STATE_ROWS": f"    state = np.asarray(state, dtype=float).reshape(-1, len(JOINTS), {len(states)})\n",
         "WALKED": f"    more_.append(states_along(q_{', ' + repr(PACE) if dt else ''}))\n",
     }

@@ -34,6 +34,11 @@ def auto_friction() -> tuple[Friction, ...]:
     return tuple(FRICTION.make(name, use.options) for name, use in _listed())
 
 
+def called(part: Friction) -> str:
+    """Return the name of a part, with the number of its element where that is not the first."""
+    return FRICTION.name_of(part) + (f" {number}" if (number := part.options.get("element", 1)) > 1 else "")
+
+
 def motor_ripple(robot: Robot) -> tuple[Friction, ...]:
     """Return ripple over a turn of the motors, a part for each stated gear ratio; held-out samples decide on them."""
     ratios: dict[float, tuple[str, ...]] = {}
@@ -52,6 +57,7 @@ __all__ = [
     "Motion",
     "SelectionUse",
     "auto_friction",
+    "called",
     "default_friction",
     "motor_ripple",
 ]

@@ -38,11 +38,11 @@ SOURCE: Final = '''"""Inverse dynamics of an identified robot arm with NumPy alo
 SI units. Positions q, velocities dq and accelerations ddq have the shape (N, @JOINTS@) or (@JOINTS@,), in the order of
 JOINTS.
 
-    inverse_dynamics(q, dq, ddq)  torque of the drives, with friction: M ddq + c + g + friction
-    gravity(q)                    torque that holds the arm still, without friction
-    coriolis(q, dq)               torque of speed alone, without friction
-    mass_matrix(q)                M, rotors included, shape (N, @JOINTS@, @JOINTS@)
-    friction(q, dq, ddq)          torque of friction and offsets
+    inverse_dynamics(q, dq, ddq@MORE@)  torque of the drives, with friction: M ddq + c + g + friction
+    gravity(q)  torque that holds the arm still, without friction
+    coriolis(q, dq)  torque of speed alone, without friction
+    mass_matrix(q)  M, rotors included, shape (N, @JOINTS@, @JOINTS@)
+    friction(q, dq, ddq@MORE@)  torque of friction and offsets
 @MEMORY_ABOUT@
 Run the file to check it against the numbers that dynident gave.
 """

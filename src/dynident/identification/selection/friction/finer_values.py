@@ -15,12 +15,16 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs
 from dynident.identification.selection.friction.nested_fits import RIDGE, NestedFits
-from dynident.identification.selection.friction.parts_by_drive import by_drive
+from dynident.identification.selection.friction.parts_by_drive import by_drive, with_values
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction
 
 #: Distance in logarithms of the values of which differences are taken, and a step that is none.
 APART, SETTLED = 0.1, 5e-3
+
+#: A step of so many of its deviations is none either; the least share that is taken of one that raised the loss; how
+#: often each field of a step that the ends of ranges bound is looked at.
+UNSURE, SHORTEST, SWEEPS = 0.1, 0.1, 100
 
 
 def finer_values(
@@ -37,35 +41,37 @@ def finer_values(
         model: The model.
         fields: Places of the parts that share the value, and the name, of each of m fields.
         spans: Least and largest values.
-        most: Largest factor of a step; one that does not lower the loss is halved.
+        most: Largest factor of a step; one that does not lower the loss is cut to the least of a parabola through both.
         pooled: The logs.
         turns: Steps at most.
     """
     (low, high), limits = np.log(spans).T, np.log(most)
     at = best = np.log([float(getattr(model.friction[own[0]], name)) for own, name in fields])
-    least, deviations, weights = np.inf, np.full(len(at), np.inf), None
-
-    def moved(parts: Sequence[Friction], k: int, by: float) -> list[Friction]:
-        own, name = fields[k]
-        return [replace(parts[p], **{name: float(np.exp(at[k] + by))}) for p in own]
-
+    least, slope, deviations, weights = np.inf, 0.0, np.full(len(at), np.inf), None
     for _ in range(turns):
-        parts = list(model.friction)
-        for k, (own, _) in enumerate(fields):
-            for p, part in zip(own, moved(parts, k, 0.0), strict=True):
-                parts[p] = part
-        sides = [part for k in range(len(fields)) for by in (-APART / 2, APART / 2) for part in moved(parts, k, by)]
-        pool = pooled.pool([*parts, *sides])
-        sets = by_drive(model, parts, range(len(parts)))
+        now, sides = model, list[Friction]()
+        for value, (own, name) in zip(at.tolist(), fields, strict=True):
+            now = with_values(now, own, {name: float(np.exp(value))})
+        for value, (own, name) in zip(at.tolist(), fields, strict=True):
+            for by in (value - APART / 2, value + APART / 2):
+                sides += [replace(now.friction[p], **{name: float(np.exp(by))}) for p in own]
+        pool = pooled.pool([*now.friction, *sides])
+        sets = by_drive(model, now.friction, range(len(now.friction)))
         weights = pool.weights(sets) if weights is None else weights
         wholes, keep = pool.by_delay(pool.weighted(weights).sum(axis=0)), pool.chosen(sets)
-        loss, step, spread = min((_step(whole, pool, keep, fields) for whole in wholes), key=lambda found: found[0])
+        loss, step, covariance = min((_step(whole, pool, keep, fields) for whole in wholes), key=lambda found: found[0])
         if loss < least:
-            least, best, deviations = loss, at, spread * np.sqrt(loss / max(float(pool.rows.sum()), 1.0))
-            at = np.clip(at + np.clip(step, -limits, limits), low, high)
+            least, best = loss, at
+            deviations = np.sqrt(np.diag(covariance) * loss / max(float(pool.rows.sum()), 1.0))
+            curves, ends = np.linalg.inv(covariance), (np.maximum(low - at, -limits), np.minimum(high - at, limits))
+            way = np.clip(step, *ends)
+            for k in SWEEPS * [*range(len(at))]:  # each goes where it fits best beside those that an end stops
+                way[k] = min(max(way[k] + curves[k] @ (step - way) / curves[k, k], ends[0][k]), ends[1][k])
+            at = np.clip(at + way, low, high)
+            slope = -2.0 * float((at - best) @ curves @ step)
         else:
-            at = (at + best) / 2
-        if np.max(np.abs(at - best)) < SETTLED:
+            at = best + (at - best) * np.clip(slope / (2.0 * (slope - loss + least)), SHORTEST, 0.5)
+        if np.all(np.abs(at - best) < np.maximum(SETTLED, UNSURE * deviations)):
             break
     return np.exp(best), deviations
 
@@ -73,7 +79,7 @@ def finer_values(
 def _step(
     whole: Array, pool: ColumnPool, keep: IntArray, fields: Sequence[tuple[Sequence[int], str]]
 ) -> tuple[float, Array, Array]:
-    """Return the loss at some values by the products (c + 1, c + 1), the step of each field and its deviation (m,)."""
+    """Return the loss at values by the products (c + 1, c + 1), the step of the fields (m,), its covariance (m, m)."""
     fits = NestedFits(whole[None], whole[None], pool.shared)
     beta, turn = np.zeros(len(whole)), np.zeros((len(whole), len(keep) + len(fields) + 1))
     beta[np.append(keep, -1)] = fits.residual(keep)[0]
@@ -87,5 +93,5 @@ def _step(
     size = np.sqrt(np.diag(products)[:-1])
     size[size == 0] = 1.0
     inverse = np.linalg.inv(products[:-1, :-1] / np.outer(size, size) + RIDGE * np.eye(len(size)))
-    found, deviations = inverse @ (products[:-1, -1] / size) / size, np.sqrt(np.diag(inverse)) / size
-    return float(fits.losses(keep)[0]), found[len(keep) :], deviations[len(keep) :]
+    found, last = inverse @ (products[:-1, -1] / size) / size, slice(len(keep), None)
+    return float(fits.losses(keep)[0]), found[last], (inverse / np.outer(size, size))[last, last]

@@ -12,9 +12,6 @@ rows are one more block for them: a part has to go on beyond the speeds of the f
 beside the width is held against its absence with their best values. Where a part is taken, all fields are chosen once
 more beside it. Signs of dry friction that are left to the logs turn over one width on the same drive. Errors of
 blocks are compared by their ratios: a block of large torques has no more say than others.
-
-Where the delay of the torque is to be found as well, it is free in every fit: friction shows at reversals, a delay in
-all that the torque does, so that neither is compared by what the other one does.
 """
 
 from __future__ import annotations
@@ -47,7 +44,7 @@ from dynident.identification.selection.friction.parts_by_drive import (
 )
 from dynident.identification.selection.friction.variable_projection import all_spans, without_optional
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, WHOLE
+from dynident.model.friction import WHOLE, called
 
 #: Blocks of rows at least, and of logs too short for these.
 BLOCKS, OF_SHORT_LOGS = 16, 8
@@ -60,9 +57,6 @@ FINER, POLISHED = 3, 10
 
 #: Shares of a delay of many samples that are compared, at most, beside the whole.
 MOST = 12
-
-#: Values of a part that is left out, and of one that is there.
-_ABSENT, _THERE = 0.0, 1.0
 
 
 def choose_fields(
@@ -100,18 +94,18 @@ def choose_fields(
             break
     found = search.fields()
     decided = search.with_linear_parts()
-    if any(held.value == _THERE for held in decided.values()):
+    if any(held.value for held in decided.values()):
         found |= search.fields()
     for p in range(len(model.friction)):
         if p in search.absent and p not in decided:
             decided[p] = search.with_part(p)
-            if decided[p].value == _THERE:
+            if decided[p].value:
                 found |= search.fields()
     if dropped := search.without_stand_ins():
         decided |= dropped
         found = {key: held for key, held in found.items() if key[0] not in dropped}
         found |= search.fields()
-    if dropped or any(held.value == _THERE for held in decided.values()):
+    if dropped or any(held.value for held in decided.values()):
         found = search.polished(found)
     found |= {(p, WHOLE): held for p, held in decided.items()}
     there = sorted((p for p in range(len(search.heads)) if p not in search.absent), key=lambda p: search.heads[p])
@@ -182,7 +176,7 @@ class _FieldSearch:
         present = [p for p in range(len(self.model.friction)) if p not in self.absent]
         if not linear:
             return {}
-        named = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in linear))
+        named = ", ".join(dict.fromkeys(called(self.model.friction[p]) for p in linear))
         self._progress(f"friction: {named} on held-out samples")
         pool, own = self._pooled.pool(self.model.friction), self._drives(present)
         tried = HeldOut.of(pool, own, [own])
@@ -235,11 +229,9 @@ class _FieldSearch:
     def _told(self, p: int, is_taken: bool, gaps: Array | None) -> FieldChoice:
         """Return what is said of a part, from the logarithms of the blocks' errors without less those with it (B,)."""
         part = self.stated.friction[p]
-        about = (FRICTION.name_of(part), part.joints, WHOLE, _ABSENT)
-        if gaps is None:
-            return FieldChoice(*about, _ABSENT, _ABSENT, 0.0, None)
-        gain, error = share_of(gaps)
-        return FieldChoice(*about, _THERE if is_taken or gain > 0 else _ABSENT, float(is_taken), gain, error)
+        gain, error = (0.0, None) if gaps is None else share_of(gaps)
+        values = (0.0, float(is_taken or gain > 0), float(is_taken))
+        return FieldChoice(called(part), part.joints, WHOLE, *values, gain, error)
 
     def _own_fields(self, p: int) -> list[str]:
         """Return the fields of a part that are left to the logs, without the width that it shares."""
@@ -262,7 +254,7 @@ class _FieldSearch:
 
     def with_part(self, p: int) -> FieldChoice:
         """Hold a part against its absence, with the best values of its fields, and put it there if it is better."""
-        self._progress(f"friction: {FRICTION.name_of(self.model.friction[p])} on held-out samples")
+        self._progress(f"friction: {called(self.model.friction[p])} on held-out samples")
         self._share_width(p)
         points = self._points(p, self._own_fields(p)[:1])  # further ones are as stated until it is there
         tried = self._tried(self._of([p]), points)
@@ -307,7 +299,7 @@ class _FieldSearch:
             self.model, self.absent, self.heads = together(self.model, self.absent, self.heads, group, joints)
             self.apart = [each for each in self.apart if each[0] != group[0]]
         there = [p for p in group if p not in self.absent]
-        labels = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in there))
+        labels = ", ".join(dict.fromkeys(called(self.model.friction[p]) for p in there))
         stated = {name: float(getattr(self.stated.friction[there[0]], name)) for name in names}
         self._progress(f"friction: {labels} {' and '.join(names)} on held-out samples")
         about = (labels, self.stated.friction[there[0]].joints)
@@ -376,8 +368,7 @@ class _FieldSearch:
         self, group: Sequence[int], points: Sequence[Mapping[str, float]], weights: Array | None = None
     ) -> HeldOut:
         """Return the model with values of fields of some parts; of one that is absent, it with each beside itself."""
-        model = self.model
-        present = [p for p in range(len(model.friction)) if p not in self.absent]
+        model, present = self.model, [p for p in range(len(self.model.friction)) if p not in self.absent]
         parts = [model.friction[p] for p in present]
         stand_ins = [replace(model.friction[p], **each) for each in points for p in group]
         pool = self._pooled.pool(every := [*parts, *stand_ins])

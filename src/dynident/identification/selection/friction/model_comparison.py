@@ -12,7 +12,7 @@ from dynident.identification.selection.friction.held_out_errors import NOTHING, 
 from dynident.identification.selection.friction.held_out_fields import OF_SHORT_LOGS
 from dynident.identification.selection.friction.parts_by_drive import by_drive
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, WHOLE
+from dynident.model.friction import WHOLE, called
 
 
 def predicts_better(
@@ -40,4 +40,4 @@ def predicts_better(
     better = gain > NOTHING
     told = (WHOLE, 0.0, float(gain > 0), float(better), gain, error)
     parts = [part for part in model.friction if part.lags and part.is_optional]
-    return better, tuple(FieldChoice(FRICTION.name_of(part), part.joints, *told) for part in parts)
+    return better, tuple(FieldChoice(called(part), part.joints, *told) for part in parts)

@@ -22,7 +22,7 @@ from dynident.identification.selection.friction.held_out_errors import HeldOut
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.parts_by_drive import by_drive
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, WHOLE, Friction
+from dynident.model.friction import WHOLE, Friction, called
 
 #: Values of a field that are compared, and steps from the best of them at most.
 VALUES, TURNS = 7, 10
@@ -64,7 +64,7 @@ def vary_fields(
     pooled = PooledLogs(model, logs, load=default_load(model, logs) if "torque" in model.needs else None)
     parts, steps, found = list(model.friction), list[float](), list[FieldEstimate]()
     for (p, name), span in spans.items():
-        progress(f"non-linear friction: {FRICTION.name_of(parts[p])} {name}")
+        progress(f"non-linear friction: {called(parts[p])} {name}")
         grid = np.geomspace(*span, VALUES)
         pool = pooled.pool([*parts, *(replace(parts[p], **{name: float(x)}) for x in grid)])
         lists = [[*range(p), own, *range(p + 1, len(parts))] for own in (p, *range(len(parts), len(pool.parts)))]
@@ -79,14 +79,8 @@ def vary_fields(
     for ((p, name), (low, high)), value, by in zip(spans.items(), values.tolist(), spreads.tolist(), strict=True):
         parts[p] = replace(parts[p], **{name: value})
         ends = max(value / by, low), min(value * by, high)
-        found.append(FieldEstimate(FRICTION.name_of(parts[p]), parts[p].joints, name, value, *ends))
+        found.append(FieldEstimate(called(parts[p]), parts[p].joints, name, value, *ends))
     return replace(model, friction=tuple(parts)), tuple(found)
-
-
-def fastest_of(model: DynamicModel, logs: Sequence[Prepared]) -> float:
-    """Return the largest speed of a drive in the logs, in rad/s or m/s."""
-    coupling = np.asarray(model.robot.coupling)
-    return max(float(np.max(np.abs(np.asarray(log.log.dq) @ coupling.T))) for log in logs)
 
 
 def finest_of(model: DynamicModel, part: Friction, finest: Array | None) -> float:
@@ -97,12 +91,9 @@ def finest_of(model: DynamicModel, part: Friction, finest: Array | None) -> floa
 def all_spans(
     model: DynamicModel, logs: Sequence[Prepared], asked: str, finest: Array | None
 ) -> dict[tuple[int, str], tuple[float, float]]:
-    """Return where the fields are looked for that the parts name in ``asked`` (vary or choose), by place and name.
-
-    Raises:
-        BadOption: See :func:`spans_of`.
-    """
-    fastest, longest = fastest_of(model, logs), max(log.log.samples / log.log.rate for log in logs)
+    """Return where the fields are looked for that the parts name in ``asked`` (vary or choose), by place and name."""
+    fastest = max(float(np.abs(np.asarray(log.log.dq) @ np.asarray(model.robot.coupling).T).max()) for log in logs)
+    longest = max(log.log.samples / log.log.rate for log in logs)
     return {
         (p, name): span
         for p, part in enumerate(model.friction)
@@ -125,8 +116,8 @@ def spans_of(
         if asked == "choose" and name == WHOLE:
             continue
         if name not in part.ranges:
-            step = f"the part '{FRICTION.name_of(part)}' can {asked}: {', '.join(part.ranges) or 'nothing'}"
-            raise BadOption(asked, name, step)
+            known = ", ".join((*part.ranges, *[WHOLE] * (asked == "choose")))
+            raise BadOption(asked, name, f"the part '{called(part)}' can {asked}: {known or 'nothing; leave it out'}")
         if name in (part.vary or ()) and name in (part.choose or ()):
             raise BadOption(asked, name, "name a field in vary or in choose, not in both")
         span = part.ranges[name]
