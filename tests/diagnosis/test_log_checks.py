@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.signal
 import scipy.stats
 
 sys.path.append(str(Path(__file__).parents[2]))  # the benchmark puts the same faults into full-size arms
@@ -28,7 +29,7 @@ from dynident.diagnosis.causes.known_bodies import NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
 from dynident.diagnosis.checks import CHECKS, Finding, examine, examine_recording, readings
-from dynident.diagnosis.checks.resolution import steps_of
+from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
 from dynident.diagnosis.finding import SEVERITIES
 from dynident.diagnosis.recording import read_recording
@@ -419,6 +420,17 @@ def test_flat_tops_and_levels() -> None:
     assert steps_of(np.round(wave * 10) / 10) == pytest.approx(20, abs=1)
     assert steps_of(wave) == np.inf
     assert steps_of(np.zeros(50)) == 0.0
+
+
+def test_rounding_of_positions_counts_as_it_shows_in_the_acceleration() -> None:
+    """Beside the filtered error of rounding, within the slope of the filter at its cut-off."""
+    time = np.arange(4000) / 200.0
+    wave = np.sin(1.3 * time) + 0.4 * np.sin(2.9 * time + 1.0)
+    rounded = np.round(wave / 3e-3) * 3e-3
+    sections = scipy.signal.butter(3, 5.0, fs=200.0, output="sos")
+    error = np.diff(scipy.signal.sosfiltfilt(sections, rounded - wave), 2)[200:-200] * 200.0**2
+    share = np.std(error) / np.std(np.diff(wave, 2) * 200.0**2)
+    assert share < rounding_share(time, rounded, steps_of(rounded), 5.0) < 2.0 * share
 
 
 def test_every_check_says_what_it_looks_at() -> None:

@@ -41,7 +41,7 @@ RIVAL_CHANCE = 0.05
 CLOSE, RIVALS = 6.0, 2
 
 #: Causes that are taken in at most, and rounds of taking in and judging again.
-MOST, ROUNDS = 8, 3
+MOST, ROUNDS = 12, 3
 
 #: Candidates of a round that are fitted with weights of their own at most, and those that are fitted before others,
 #: which are where they can come near the best of these.
@@ -219,7 +219,7 @@ class CauseSearch:
         """Return the causes that are sure, the one that explains most first.
 
         Stepwise (Efroymson 1960): causes are taken in one after another; then each is judged again beside all others,
-        where another one may take its place, or none is sure any more; then two at once.
+        where another one may take its place, or none is sure any more; then two at once; last those that are likely.
         """
         chosen: list[int] = []
         found: dict[int, Blame] = {}
@@ -234,6 +234,12 @@ class CauseSearch:
             if not hidden:
                 break
             chosen += hidden
+        while len(chosen) < min(MOST, len(self.causes)):
+            step = self._next(self.fit(chosen), chosen, likely=True)
+            if step is None:
+                break
+            chosen.append(step[0])
+            found[step[0]] = step[2]
         return tuple(found[k] for k in chosen if k in found)
 
     def judged_again(self, chosen: list[int], found: dict[int, Blame]) -> list[int]:
@@ -304,11 +310,11 @@ class CauseSearch:
             found[which] = np.sum(rest[own] * solved, axis=1)
         return found
 
-    def _next(self, before: Solved, chosen: list[int]) -> tuple[int, Solved, Blame] | None:
+    def _next(self, before: Solved, chosen: list[int], likely: bool = False) -> tuple[int, Solved, Blame] | None:
         """Return the likeliest of the causes that are sure, its fit, and what is said of it; None where none is.
 
-        One that matters is sure where the false ones among those told are few (Benjamini and Gavrilov 2009), another
-        one where hardly any log has one by chance.
+        A cause is sure where hardly any log has one by chance; ``likely`` takes one that matters, where the false ones
+        among those told are few (Benjamini and Gavrilov 2009).
         """
         tried: list[tuple[float, int, Solved, tuple[Array, float]]] = []
         sure: dict[int, float] = {}
@@ -324,7 +330,8 @@ class CauseSearch:
                 if left * chance < RIVAL_CHANCE:
                     tried.append((merit, k, after, counted))
                 matters = float(np.max(1.0 - after.variances / before.variances)) > MATTERS
-                if len(self.causes) * chance < CHANCE or (matters and left * chance < FALSE * (1 + len(chosen))):
+                level = FALSE * (1 + len(chosen)) if likely and matters else CHANCE
+                if left * chance < level:
                     sure[k] = merit
         if not sure:
             return None

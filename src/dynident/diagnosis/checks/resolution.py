@@ -11,15 +11,16 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.evidence.positions import STILL, travel
 from dynident.data.log import smallest_step
+from dynident.diagnosis.causes.quick_fit import CUTOFF_HZ
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
 
-#: Steps of a signal over its usual range (its 1st to 99th percentile) below which it is coarse: positions are
-#: differentiated twice, which makes steps of theirs count more.
-FEWEST_STEPS = {"positions": 1000, "torques": 64}
-
-#: Steps below which a signal says little, and the finding is a warning.
+#: Steps of a torque over its usual range (its 1st to 99th percentile) below which it is coarse, and of any signal below
+#: which it says little, and the finding is a warning.
 FEW_STEPS = 64
+
+#: Share of the acceleration that rounding makes of it from which positions are coarse.
+ROUNDING = 0.01
 
 
 @dataclass(frozen=True)
@@ -30,20 +31,29 @@ class Resolution(Check):
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         log = subject.sound.log
+        cutoff = subject.case.preprocessing.filter.bandwidth() or CUTOFF_HZ
         found = []
         for signal, values in (("positions", log.q), ("torques", log.torque)):
             if values is None:
                 continue
-            counted = (travel(log.q) >= STILL) | (signal != "positions")  # a joint at rest is told as such
+            is_position = signal == "positions"
+            counted = (travel(log.q) >= STILL) | (not is_position)  # a joint at rest is told as such
             each = zip(log.joints, values.T, counted, strict=True)
-            steps = {name: steps_of(column) for name, column, counts in each if counts}
-            coarse = {name: count for name, count in steps.items() if 0 < count < FEWEST_STEPS[signal]}
+            columns = {name: column for name, column, counts in each if counts}
+            steps = {name: steps_of(column) for name, column in columns.items()}
+            shares = {
+                name: rounding_share(log.time, columns[name], count, cutoff) if is_position else FEW_STEPS / count
+                for name, count in steps.items()
+                if 0 < count < np.inf
+            }
+            coarse = {name: steps[name] for name, share in shares.items() if share > (ROUNDING if is_position else 1.0)}
             if coarse:
                 least = min(coarse.values())
-                enough = FEWEST_STEPS[signal]
-                evidence = (
-                    f"the {signal} have {least:.0f} quantisation steps over their range; at least {enough} are needed"
-                )
+                worst = max(shares[name] for name in coarse)
+                enough = f"at least {FEW_STEPS} are needed"
+                if is_position:
+                    enough = f"rounding makes up to {worst:.2g} of the acceleration below {cutoff:g} Hz"
+                evidence = f"the {signal} have {least:.0f} quantisation steps over their range; {enough}"
                 remedy = "log more digits, or the raw counts; quantisation degrades the parameters of these joints"
                 severity: Severity = "warning" if least < FEW_STEPS else "note"
                 name = f"coarse {signal}"
@@ -66,3 +76,24 @@ def steps_of(column: Array) -> float:
         return 0.0
     step = smallest_step(column)
     return float((high - low) / step) if step else np.inf
+
+
+def rounding_share(time: Array, column: Array, steps: float, cutoff: float) -> float:
+    """Return the acceleration that rounding makes over that of a motion, root mean squares, below a cut-off.
+
+    The error of rounding has the variance of a step squared over 12, white up to the rate at which steps are taken
+    (Widrow and Kollar 2008); the acceleration is the squared speed over the deviation, as of one harmonic.
+
+    Args:
+        time: In s, shape (N,).
+        column: Positions, shape (N,).
+        steps: Steps that they span between the 1st and the 99th percentile.
+        cutoff: In Hz.
+    """
+    low, high = np.quantile(column, [0.01, 0.99])
+    rate, step = 1.0 / float(np.median(np.diff(time))), float(high - low) / steps
+    lag = min(max(1, round(rate / (2.0 * cutoff))), len(column) - 1)
+    speed = float(np.sqrt(np.mean((column[lag:] - column[:-lag]) ** 2))) * rate / lag
+    taken = max(min(rate, speed / step), 2.0 * cutoff)
+    noise = step / np.sqrt(12.0) * (2.0 * np.pi * cutoff) ** 2 * np.sqrt(2.0 * cutoff / (5.0 * taken))
+    return float(noise * np.std(column) / max(speed, 1e-300) ** 2)
