@@ -6,6 +6,7 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from servo_bench import CASE_OF_LOGS, PENDULUM, fill
 
@@ -98,6 +99,18 @@ def test_logs_of_the_command_line_are_those_of_the_report(folder: Path, capsys: 
     capsys.readouterr()
     assert main(["report", "a.json", "-o", "a.html", "--json"]) == 0
     assert [run["log"] for run in json.loads(capsys.readouterr().out)["roll_outs"]] == ["drop_kp4.csv"]
+
+
+def test_init_asks_which_counts_they_are(folder: Path) -> None:
+    """Counts of 32 bits, negative ones as two's complement, in columns named as the registers are."""
+    table = np.loadtxt("drop_kp4.csv", delimiter=",", skiprows=1)
+    table[:, 1:3] = np.round(table[:, 1:3] / (2 * np.pi) * 4096) % 2**32
+    header = "t,present_position,goal_position,torque_enable"
+    np.savetxt("raw.csv", table, "%.9g", ",", header=header, comments="")
+    assert main(["init", "pendulum.urdf", "raw.csv", "-o", "raw.yaml"]) == 0
+    text = Path("raw.yaml").read_text()
+    assert "counts: ask" in text and "position: ask" not in text and "enabled: torque_enable" in text
+    assert "q: [present_position]" in text and "q_ref: [goal_position]" in text
 
 
 def test_init_drafts_the_case_of_such_logs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

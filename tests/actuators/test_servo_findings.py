@@ -68,8 +68,12 @@ def test_check_is_the_command_for_it(
         "case: 2\nrobot: pendulum.urdf\nservo: {law: feetech_sts3215, kp: 'kp{}', enabled: torque_enable}\n"
         "log: {columns: {time: t, q: [q1], q_ref: [q_ref1], torque: none}}\n"
     )
-    assert main(["check", "case.yaml", "drop_kp2.csv"]) == 0
-    assert "nothing found" in capsys.readouterr().out
+    write_csv(replace(log, enabled=np.ones_like(log.enabled)), Path("chirp_kp2.csv"))
+    assert main(["check", "case.yaml", "chirp_kp2.csv"]) == 0
+    assert "no free swing (joint1)" in capsys.readouterr().out
+    assert main(["check", "case.yaml", "drop_kp2.csv", "chirp_kp2.csv"]) == 0  # one log with a free swing is enough
+    answer = capsys.readouterr().out
+    assert "nothing found" in answer and "free swing" not in answer
     assert main(["check", "case.yaml", "drop_kp200.csv", "--json"]) == 1
     (found,) = json.loads(capsys.readouterr().out)["logs"][0]["findings"]
     assert found["name"] == "saturated" and found["severity"] == "error"

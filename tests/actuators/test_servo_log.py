@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from servo_bench import parameters, virtual_logs, write_csv
 
+from dynident.actuators.drive_law import preset
 from dynident.actuators.servo_files import kp_of, read_servo_logs
-from dynident.actuators.servo_log import ServoColumns, ServoLog
+from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup, laws_of
 from dynident.data.formats import ColumnMap
 from dynident.errors import DynidentError, LogFormatError, LogMismatch
 from dynident.model.robot import Robot
@@ -38,6 +39,9 @@ def test_a_table_and_bam_json_are_the_same_log(log: ServoLog, tmp_path: Path) ->
     (tmp_path / "b.json").write_text(json.dumps({"kp": 4, "mass": 0.8, "entries": entries}))
     bam = read_servo_logs(tmp_path / "b.json", ServoColumns(("joint1",)))[0]
     assert bam.kp == table.kp == 4.0
+    setup = ServoSetup((preset("feetech_sts3215"),), ServoColumns(("joint1",)))
+    assert laws_of(setup, [bam]) == setup.laws  # a gain that the log alone states is one
+    assert laws_of(setup, [changed(bam, kp=np.nan)])[0].gain_is_free
     for name in ("time", "q", "q_ref", "enabled"):
         assert np.array_equal(getattr(bam, name), getattr(table, name)), name
     (tmp_path / "c.json").write_text("{}")

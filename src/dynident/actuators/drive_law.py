@@ -81,6 +81,14 @@ class DriveLaw:
         """Return the law for the compiled roll-out at a position gain, shape (4,)."""
         return np.array([kp * self.error_gain, self.limit, self.dead_zone, self.punch])
 
+    @property
+    def without_gain(self) -> DriveLaw:
+        """The law where nobody knows kp: of gain and torque at full duty only the product is known at first."""
+        if self.kp is not None:
+            return self
+        known = {name: state for name, state in self.known.items() if name != "error_gain"}
+        return DriveLaw(**{**vars(self), "kp": 1.0, "error_gain": 1.0, "known": known})
+
     def stated(self, fields: Mapping[str, Any]) -> DriveLaw:
         """Return the law with fields that the user states; they count as documented by the case file."""
         known = dict(self.known) | {name: KnownFrom("documented", "stated in the case file") for name in fields}

@@ -17,7 +17,7 @@ from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
 from dynident.actuators.parameters import PLACE, with_zero
 from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, rolled_out, started
-from dynident.actuators.servo_log import ServoLog, ServoSetup, check_gains, is_outside, kp_values
+from dynident.actuators.servo_log import ServoLog, ServoSetup, check_gains, is_outside, kp_values, laws_of
 from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters
 from dynident.arrays import Array
 from dynident.model.robot import Robot
@@ -55,14 +55,15 @@ def identify_actuators(
     if setup.bodies:
         stated_bodies(robot, setup)
     progress("loads of the joints")
-    logs = check_gains([*train, *test], setup.laws[0].kp)
+    laws = laws_of(setup, [*train, *test])
+    logs = check_gains([*train, *test], laws[0].kp)
     measured = [measured_motion(log) for log in logs]
     ends = [load_times(log, robot.dof) for log in logs]
     motions = [motion_at(motion, between) for motion, between in zip(measured, ends, strict=True)]
     robots = [carrying(robot, log) for log in logs]
     loads = [joint_loads(one, motion) for one, motion in zip(robots, motions, strict=True)]
     datas, kp = [], kp_values(logs[: len(train)])
-    for joint, (name, law) in enumerate(zip(robot.joint_names, setup.laws, strict=True)):
+    for joint, (name, law) in enumerate(zip(robot.joint_names, laws, strict=True)):
         records = [record_of(log, joint, load[joint], law) for log, load in zip(logs, loads, strict=True)]
         rows = [
             start_rows(log, joint, load[joint], motion, law)

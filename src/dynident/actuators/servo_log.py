@@ -259,6 +259,12 @@ def is_outside(kp: float, gains: Sequence[float]) -> bool:
     return bool(gains) and not min(gains) <= kp <= max(gains)
 
 
+def laws_of(setup: ServoSetup, logs: Sequence[ServoLog]) -> tuple[DriveLaw, ...]:
+    """Return the drive laws of a case, without gain where no log states one."""
+    is_known = any(np.isfinite(log.kp) for log in logs)
+    return setup.laws if is_known else tuple(law.without_gain for law in setup.laws)
+
+
 def check_gains(logs: Sequence[ServoLog], kp: float | None) -> list[ServoLog]:
     """Return logs in which each has a gain; ``kp`` where the log states none.
 

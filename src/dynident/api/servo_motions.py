@@ -112,6 +112,7 @@ def _servos(case: Case, request: MotionRequest, path: str | Path | None) -> Call
     """Return what gives the nominal servo of a joint: of an earlier estimate, or of limits."""
     assert case.servo is not None
     setup, joints = case.servo, case.robot.active
+    laws = setup.laws if setup.columns.kp is not None else [law.without_gain for law in setup.laws]
     model = None if path is None else read_actuators(path)
     friction = FRICTION if setup.friction == AUTO else setup.friction
     if model is not None and tuple(joint.name for joint in model.joints) != case.robot.joint_names:
@@ -120,8 +121,8 @@ def _servos(case: Case, request: MotionRequest, path: str | Path | None) -> Call
 
     def servo(k: int, has_weight: bool) -> NominalServo:
         if model is not None:
-            return of_estimate(model.joints[k], setup.laws[k], str(path))
-        return of_limits(joints[k], setup.laws[k], friction, request.gains[0], has_weight)
+            return of_estimate(model.joints[k], laws[k], str(path))
+        return of_limits(joints[k], laws[k], friction, request.gains[0], has_weight)
 
     return servo
 

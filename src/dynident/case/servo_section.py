@@ -74,9 +74,6 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
             "the robot model and run validate"
         )
         raise top.place("drives").error("it has no effect beside servo", step)
-    kp = _kp(section)
-    if kp is None and any(law.kp is None for law in laws):
-        laws = [law if law.kp is not None else _without_gain(law) for law in laws]
     friction = section.choice("friction", (AUTO, *FRICTION_MODELS), AUTO)
     return ServoSetup(
         tuple(laws),
@@ -87,7 +84,7 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
             supply=section.text("supply", ""),
             nominal_volts=section.at_least_zero("nominal_volts", 0.0),
             added=texts(section, "feedforward"),
-            kp=kp,
+            kp=_kp(section),
             counts=section.choice("counts", tuple(COUNTS)) if section.has("counts") else "",
             ranges=_ranges(section, columns, columns.joints or names) if section.has("calibration") else (),
             payloads=_payloads(section, tuple(link.name for link in robot.links)) if section.has("payloads") else {},
@@ -144,12 +141,6 @@ def _motors(section: Section, logged: tuple[str, ...]) -> tuple[MotorRange, ...]
         told = f"it has {', '.join(own) or 'no motors'}, and the log {', '.join(logged)}"
         raise place.error(f"no motor for {', '.join(missing)}: {told}", step)
     return found
-
-
-def _without_gain(law: DriveLaw) -> DriveLaw:
-    """Return a law whose gain nobody knows: of gain and torque at full duty only the product is known at first."""
-    known = {name: state for name, state in law.known.items() if name != "error_gain"}
-    return DriveLaw(**{**vars(law), "kp": 1.0, "error_gain": 1.0, "known": known})
 
 
 def _law(section: Section, law: DriveLaw) -> DriveLaw:

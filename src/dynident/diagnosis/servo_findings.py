@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 
@@ -21,16 +21,18 @@ _COARSE = 60
 _GAP = 8.0
 
 
-def servo_findings(log: ServoLog, laws: Sequence[DriveLaw]) -> list[Finding]:
+def servo_findings(log: ServoLog, laws: Sequence[DriveLaw], released: Container[str] = ()) -> list[Finding]:
     """Return what spoils a log, the worst first.
 
     Args:
         log: The log as it was read.
         laws: Drive law of each joint.
+        released: Joints whose drive is off in a part of another log of the case.
     """
     found = _gaps(log)
     for joint, law in enumerate(laws):
-        found += [*_failed(log, joint), *_saturated(log, joint, law), *_coarse(log, joint), *_never_off(log, joint)]
+        found += [*_failed(log, joint), *_saturated(log, joint, law), *_coarse(log, joint)]
+        found += [] if log.joints[joint] in released else _never_off(log, joint)
     found += _late_velocity(log)
     return sorted(found, key=lambda one: SEVERITIES.index(one.severity))
 

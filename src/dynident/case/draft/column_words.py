@@ -50,6 +50,9 @@ OTHER = frozenset(
 #: Words for the share of its drive that a servo uses, which is no torque.
 SHARE_WORDS = frozenset("load duty pwm".split())
 
+#: Columns that say whether a drive is on.
+ENABLED = re.compile(r"(torque|motor|drive|servo)[_ ]?(enabled?|on)\d*|enabled?\d*", re.IGNORECASE)
+
 #: Words that say nothing more about a column.
 NEUTRAL = frozenset(
     "joint joints j axis a achse arm robot state states value values observation data of s field msg header raw grp "

@@ -8,7 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.case.draft.column_groups import Group, joint_forms, joint_in
-from dynident.case.draft.column_words import KIND, NEUTRAL, OTHER, SHARE_WORDS, SIGNAL, Meaning, split_unit, tokens_of
+from dynident.case.draft.column_words import (
+    ENABLED,
+    KIND,
+    NEUTRAL,
+    OTHER,
+    SHARE_WORDS,
+    SIGNAL,
+    Meaning,
+    split_unit,
+    tokens_of,
+)
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.structure import TableStructure
@@ -40,7 +50,12 @@ def command_pair(header: Sequence[str], joints: Sequence[str]) -> dict[str, Grou
     for name in header:
         words = tokens_of(split_unit(name)[0])
         signals = {SIGNAL[word] for word in words if word in SIGNAL}
-        if signals == {"time"} or OTHER.intersection(words) or (not signals and SHARE_WORDS.intersection(words)):
+        if (
+            ENABLED.fullmatch(name)
+            or signals == {"time"}
+            or OTHER.intersection(words)
+            or (not signals and SHARE_WORDS.intersection(words))
+        ):
             continue
         is_told = any(word in _TOLD or KIND.get(word) == "commanded" for word in words)
         known = is_told or bool(signals) or any(word in _DID or KIND.get(word) == "measured" for word in words)

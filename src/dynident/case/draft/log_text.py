@@ -7,7 +7,7 @@ import numpy as np
 from dynident.actuators.lerobot_calibration import SHARES
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
-from dynident.case.draft.servo_text import is_servo_log
+from dynident.case.draft.servo_text import has_counts, is_servo_log
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.case.questions import MARK
 
@@ -190,6 +190,8 @@ def _units(found: Recognised) -> list[str]:
     choices = {"time": "s, ms, us, ns", "position": "rad, deg, m, mm", "torque": "N m, mN m, N, percent, permille"}
     for key in ("time", "position", "velocity", "torque", "current"):
         told = found.units.get(key)
+        if key == "position" and has_counts(found):
+            continue
         if told is None:
             if key in choices and (key != "torque" or found.effort == "torque" or "torque" in found.rivals):
                 lines.append(_unseen(key, choices[key]))

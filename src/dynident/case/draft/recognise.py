@@ -14,7 +14,7 @@ from dynident.case.draft.joint_choice import JointChoice, choose_joints
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
 from dynident.case.draft.readings import LogReading, band, cutoff_from, read_rows
 from dynident.case.draft.recognition import Recognised, SignalSource
-from dynident.case.draft.servo_text import is_servo_log
+from dynident.case.draft.servo_text import has_counts, is_servo_log
 from dynident.case.draft.signal_choice import choose_signals
 from dynident.case.draft.signal_units import (
     HEADER,
@@ -337,7 +337,8 @@ def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
             left_out["dq"] = f"{sources.pop('dq').shown()}: {said}; only the filter as_given reads velocities"
     if "q_ref" in sources:
         apart = np.any(strays(first.signals["q"], first.signals["q_ref"]))
-        if apart and not (is_servo_log(found) and _is_alike(first.signals["q"], first.signals["q_ref"])):
+        is_servo = is_servo_log(found) and (has_counts(found) or _is_alike(first.signals["q"], first.signals["q_ref"]))
+        if apart and not is_servo:
             left_out["q_ref"] = f"{sources.pop('q_ref').shown()} stray from the measured positions"
             sources.pop("dq_ref", None)
     if "dq_ref" in sources and ("q_ref" not in sources or "velocity" not in units):

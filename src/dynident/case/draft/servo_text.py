@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dynident.actuators.drive_law import PRESETS
+from dynident.actuators.drive_law import COUNTS, PRESETS
 from dynident.actuators.lerobot_calibration import GRIPPER, SHARES
-from dynident.case.draft.column_words import OTHER, SHARE_WORDS, SIGNAL, tokens_of
+from dynident.case.draft.column_words import ENABLED, OTHER, SHARE_WORDS, SIGNAL, tokens_of
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.yaml_words import asked, few, offered, quoted
 
-#: Columns that say whether a drive is on.
-_ENABLED = re.compile(r"(torque|motor|drive|servo)[_ ]?(enabled?|on)\d*|enabled?\d*", re.IGNORECASE)
+#: A turn in degrees.
+_TURN = 360.0
 
 #: A position gain in the name of a log.
 _GAIN = re.compile(r"(kp|gain|[pP])[_-]?(?=\d)")
@@ -27,13 +27,22 @@ def is_servo_log(found: Recognised) -> bool:
     return {"q", "q_ref"} <= found.sources.keys() and not efforts & (found.sources.keys() | found.rivals.keys())
 
 
+def has_counts(found: Recognised) -> bool:
+    """Return whether the positions of servos are whole numbers beyond a turn in degrees: raw counts of a register."""
+    if not is_servo_log(found) or found.profiles:
+        return False
+    values = [one.signals[key] for one in found.readings for key in ("q", "q_ref")]
+    is_whole = all(bool(np.all((own == np.round(own)) | ~np.isfinite(own))) for own in values)
+    return is_whole and max(float(np.nanmax(np.abs(own))) for own in values) > _TURN
+
+
 def servo_remark(found: Recognised) -> str:
     """Return why the case is for actuators, with the columns that are no joint torques though they may look so."""
     used = {name for source in found.sources.values() for name in source.columns}
     shares, others = [], []
     for name in found.header:
         words = set(tokens_of(name))
-        if name in used or OTHER & words or _ENABLED.fullmatch(name):
+        if name in used or OTHER & words or ENABLED.fullmatch(name):
             continue
         if any(SIGNAL.get(word) in ("torque", "current") for word in words):
             others.append(name)
@@ -84,12 +93,18 @@ def servo_lines(found: Recognised, logs: Sequence[str]) -> list[str]:
         lines.append(f"  kp: {quoted(prefixes[0] + '{}')}   # the number after {prefixes[0]} in the name of each log")
     else:
         lines.append(offered("  kp: unknown", "which position gain is set in the drive? A number, or a column"))
-    enabled = [name for name in found.header if _ENABLED.fullmatch(name)]
+    enabled = [name for name in found.header if ENABLED.fullmatch(name)]
     if len(enabled) in (1, len(found.sources["q"].columns)) and enabled:
         names = quoted(enabled[0]) if len(enabled) == 1 else f"[{', '.join(map(quoted, enabled))}]"
         lines.append(f"  enabled: {names}   # 1 where the drive is on, by its name")
     else:
         lines.append(offered("  # enabled: torque_enable", "is the drive off in a part of the log? Name the column"))
+    if has_counts(found):
+        largest = max(float(np.nanmax(np.abs(one.signals["q"]))) for one in found.readings)
+        text = (
+            f"whole numbers up to {largest:.4g}: counts of the position register? Of which family: {', '.join(COUNTS)}"
+        )
+        lines.append(asked("  counts", f"{text}; else take this line out and state units: {{position: ...}} under log"))
     lines += _gripper_line(found)
     lines.append("  friction: auto              # by roll-outs of held-out logs")
     return lines
