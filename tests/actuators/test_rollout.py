@@ -11,7 +11,7 @@ from servo_bench import motions, parameters, virtual_logs
 
 from dynident.actuators.drive_law import preset
 from dynident.actuators.joint_load import measured_loads
-from dynident.actuators.output_error import ServoProblem
+from dynident.actuators.output_error import ServoProblem, log_weights
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
 from dynident.actuators.rollout import FIRST, NONE, STEP, JointRecord, record_of, rolled_out, started
 from dynident.actuators.rollout_loop import START_Q, START_V
@@ -158,7 +158,8 @@ def test_intervals_hold_where_a_joint_rests_between_two_readings(robot: Robot) -
         kept = tuple(replace(record, q=q) for record, q in zip(records, read, strict=True))
         problem = ServoProblem(kept, free, FRICTION_MODELS["m1"]).finely
         errors, slopes = problem.errors(true)
-        moved = np.linalg.lstsq(np.concatenate(slopes), -np.concatenate(errors))[0]
+        sizes = np.repeat(log_weights(problem, true), [len(error) for error in errors])  # as the fit weighs its logs
+        moved = np.linalg.lstsq(sizes[:, None] * np.concatenate(slopes), -sizes * np.concatenate(errors))[0]
         known = known_parameters(problem, true, spread_of(problem, true))
         ratios.append(moved / [one.half_width for one in known])
     shares, sizes = np.mean(np.abs(ratios) <= 1.0, axis=0), 1.96 * np.sqrt(np.mean(np.square(ratios), axis=0))

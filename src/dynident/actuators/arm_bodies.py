@@ -33,7 +33,7 @@ from dynident.actuators.joint_load import carrying, rigid_inertia
 from dynident.actuators.servo_log import ServoLog, ServoSetup
 from dynident.arrays import Array
 from dynident.errors import NotConsistent
-from dynident.identification.consistency.conditions import Conditions, conditions_of
+from dynident.identification.consistency.conditions import IDENTITY_VECTOR, Conditions, conditions_of
 from dynident.identification.consistency.consistent_fit import ACTIVE, MARGIN, data_shares, solve_program
 from dynident.identification.consistency.labels import label_word
 from dynident.identification.consistency.plausible_fit import fitting_bodies, nominal_bodies
@@ -165,7 +165,9 @@ class _Prior:
         start, none = self.nominal.ravel() / self.sizes, np.zeros((0, size))
         self.program = Program(none, np.zeros(0), none, np.zeros(0), 0.0, np.zeros((0, 4, 4)), rules, start)
         own = self.nominal.ravel()
-        rows = np.linalg.inv(whitened_rows(np.linalg.cholesky([_ball(one) for one in self.nominal]), size))
+        twice = np.tile(np.where(IDENTITY_VECTOR > 0.0, 1.0, np.sqrt(0.5)), len(self.names))  # entries off the diagonal
+        balls = np.linalg.cholesky([_ball(one) for one in self.nominal])
+        rows = np.linalg.inv(twice[:, None] * whitened_rows(balls, size))
         links = np.zeros((size, len(self.names)))
         links[np.arange(size), np.arange(size) // 10] = own
         spread = DEVIATION**2 * (rows @ rows.T + links @ links.T)

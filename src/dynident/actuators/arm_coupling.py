@@ -14,7 +14,7 @@ from dynident.actuators.joint_fit import JointData, JointFit
 from dynident.actuators.joint_load import ArmMotion, MeasuredMotion, rigid_inertia
 from dynident.actuators.output_error import ServoProblem, log_errors, log_weights
 from dynident.actuators.parameters import PLACE
-from dynident.actuators.verdict import Spread, spread_of
+from dynident.actuators.verdict import DRAWS, Spread, spread_of
 from dynident.arrays import Array
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
@@ -81,7 +81,10 @@ class Arm:
 
     def spreads(self, finely: bool = False) -> list[Spread]:
         """Return how the errors of each joint spread its parameters, those of the others as they are."""
-        return [spread_of(one.finely if finely else one, fit.parameters) for one, fit in self.pairs()]
+        return [
+            spread_of(one.finely if finely else one, fit.parameters, DRAWS if finely else 0)
+            for one, fit in self.pairs()
+        ]
 
     @property
     def firsts(self) -> list[int]:

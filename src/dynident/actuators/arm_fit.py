@@ -12,7 +12,7 @@ from dynident.actuators.arm_motion import relaxed
 from dynident.actuators.joint_fit import JointFit, fit_again
 from dynident.actuators.joint_load import FINE_LOAD_STEP, divided, joint_loads, motion_at
 from dynident.actuators.parameters import PLACE
-from dynident.actuators.verdict import Spread, spread_of
+from dynident.actuators.verdict import DRAWS, Spread, spread_of
 from dynident.arrays import Array
 
 #: Times that the loads of an arm are found anew from the roll-outs of all joints, at least and at most; between them
@@ -99,7 +99,7 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     """Return an arm that is settled with fits by the step of the answer, and how their errors spread them."""
     if len(arm.fits) == 1:
         arm = replace(arm, datas=[arm.datas[0].started(arm.fits[0].parameters)])
-        spread = spread_of(arm.fits[0].problem(arm.datas[0]).finely, arm.fits[0].parameters)
+        spread = spread_of(arm.fits[0].problem(arm.datas[0]).finely, arm.fits[0].parameters, DRAWS)
         return arm, arm.with_shared([spread], spread.covariance)
     progress("all joints with the step of the answer")
     spreads = arm.spreads()

@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from dynident.actuators.arm_coupling import Arm, Response
 from dynident.actuators.joint_load import rigid_inertia
 from dynident.actuators.parameters import PLACE, SCALE_POWER, with_zero
-from dynident.actuators.verdict import score_covariance
+from dynident.actuators.verdict import DRAWS, score_covariance
 from dynident.arrays import Array
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.kernels import batched
@@ -99,7 +99,8 @@ def body_rows(arm: Arm, base: BaseParameters, along_base: Array, theta: Array, f
             _load_changes(torque[:, joint], inertia[:, joint], motion.ddq[:, joint])
             for torque, inertia, motion in zip(columns, inertias, arm.motions, strict=False)
         ]
-        rows, answers, noise = _of_joint(response, loads, [own[:, joint] for own in columns], beta)
+        draws = DRAWS if finely else 0
+        rows, answers, noise = _of_joint(response, loads, [own[:, joint] for own in columns], beta, draws)
         own = np.where(inner, SCALE_POWER[one.places] * fit.parameters[one.places], 0.0)
         # bodies, what is carried and all torques of one scale move alike; what is left of that is an error of columns
         left = _complement(rows[:, : count + 1] @ scale)
@@ -119,7 +120,7 @@ def body_rows(arm: Arm, base: BaseParameters, along_base: Array, theta: Array, f
 
 
 def _of_joint(
-    response: Response, loads: Sequence[Array], columns: Sequence[Array], beta: Array
+    response: Response, loads: Sequence[Array], columns: Sequence[Array], beta: Array, draws: int
 ) -> tuple[Array, Array, Array]:
     """Return rows of a joint and what its free parameters answer, from its torque by c numbers in each log, (K, c).
 
@@ -142,7 +143,7 @@ def _of_joint(
     units = [slope @ into for slope in slopes]
     left = sum((own.T @ error for own, error in zip(units, errors, strict=True)), np.zeros(len(into.T)))
     rest = [(e - own @ left) / size for e, own, size in zip(errors, units, response.scales, strict=True)]
-    noise = score_covariance(response.problem.records, rest, units, response.scales)
+    noise = score_covariance(response.problem.records, rest, units, response.scales, draws).covariance
     unit = np.sqrt(np.trace(noise) / len(noise))
     places = [*moves.tolist(), len(sizes)]
     found = np.zeros((len(noise), len(sizes) + 1)), np.zeros((len(answer), len(sizes) + 1))

@@ -372,4 +372,4 @@ def _average(problem: ServoProblem, parameters: Array) -> tuple[ServoProblem, Ar
         found.append(spread_of(replace(problem, records=tuple(records)), near))
     covariance = np.mean([one.covariance for one in found], axis=0)
     seen = np.all([one.seen for one in found], axis=0)
-    return problem, parameters, replace(found[0], covariance=covariance, seen=seen)
+    return problem, parameters, replace(found[0], covariance=covariance, seen=seen, own=np.zeros(len(values)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.special import stdtrit
+from scipy.special import ndtr, ndtri, stdtrit
 
 from dynident.actuators.output_error import ServoProblem, log_weights
 from dynident.actuators.parameters import PARAMETERS, PLACE
@@ -16,6 +16,9 @@ from dynident.arrays import Array, BoolArray
 
 #: Confidence of the intervals.
 LEVEL = 0.95
+
+#: Half width of an interval over the standard deviation of a normal distribution.
+NORMAL = float(ndtri(0.5 + LEVEL / 2.0))
 
 #: Length in s of the pieces of a log whose scores count as independent where there are few logs.
 PIECE_S = 1.0
@@ -26,6 +29,12 @@ _LOGS = 8
 #: Squared singular values below this share of the largest, of columns at the scale of each parameter, are directions
 #: that the logs do not see.
 RANK = 1e-9
+
+#: Roll-outs that the covariance by the encoder is averaged over, and times that they are drawn, each within the last.
+DRAWS, _PASSES = 8, 2
+
+#: Places of the encoder's step that its errors are looked at, and halvings that find a quantile of them.
+_PLACES, _HALVINGS = 32, 30
 
 #: Correlation from which two parameters are known only together.
 TOGETHER = 0.98
@@ -83,6 +92,8 @@ class Spread:
         inner: Which are not at a bound, shape (f,).
         seen: Which the logs see, shape (f,).
         pieces: Number of pieces of logs that count as independent.
+        own: Variances by the errors of the joint alone, shape (f,).
+        factors: Half width of the interval over the standard deviation by these errors, shape (f,).
         ratio: Covariance without the scale that all torques and inertias have in common, shape (f, f); None where the
             bodies are known.
     """
@@ -92,10 +103,17 @@ class Spread:
     inner: BoolArray
     seen: BoolArray
     pieces: int
+    own: Array
+    factors: Array
     ratio: Array | None = None
 
+    def half_widths(self, covariance: Array) -> Array:
+        """Return half widths of the intervals by a covariance that holds other errors too, shape (f,)."""
+        whole = np.maximum(np.diag(covariance), 0.0)
+        return np.sqrt(np.minimum(self.own, whole) * self.factors**2 + np.maximum(whole - self.own, 0.0) * NORMAL**2)
 
-def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
+
+def spread_of(problem: ServoProblem, parameters: Array, draws: int = 0) -> Spread:
     """Return how the errors of the roll-outs spread the free parameters.
 
     By a sandwich covariance of two parts.
@@ -106,6 +124,9 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
     Snyder, "A necessary and sufficient condition for quantization errors to be uniform and white", IEEE Transactions on
     Acoustics, Speech, and Signal Processing 25, 1977).
 
+    The best roll-out has two places of rest a whole number of steps apart, as their readings are, so their errors would
+    be equal: the covariance is averaged over roll-outs drawn within it.
+
     All else: scores clustered by pieces of the logs (whole logs where there are eight or more), as errors of one
     roll-out are correlated over its whole length (Cameron and Miller, "A practitioner's guide to cluster-robust
     inference", Journal of Human Resources 50, 2015, equation (10)). They contain the encoder's errors within a piece:
@@ -113,6 +134,11 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
     eigenvalue of a covariance of S samples of f numbers, Marchenko and Pastur 1967).
 
     Parameters that a direction without any effect moves by more than twice WEAK are not seen.
+
+    Args:
+        problem: Roll-outs and free parameters.
+        parameters: Where they ended, shape (COUNT,).
+        draws: Roll-outs that the encoder's part is averaged over; 0: that of the answer alone.
     """
     errors, slopes = problem.errors(parameters)
     weights = log_weights(problem, parameters) if len(errors) > 2 else np.ones(len(errors))
@@ -126,43 +152,126 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
     square = sum(float(size**2 * error @ error) for size, error in zip(sizes, errors, strict=True))
     count = sum(pieces_of(problem.records))
     free = [int(k) for k in np.flatnonzero(inner)]
-    covariance, seen = np.zeros_like(bread), np.zeros(len(values), dtype=bool)
+    covariance, seen, factors = np.zeros_like(bread), np.zeros(len(values), dtype=bool), np.full(len(values), NORMAL)
     if free:
         powers, vectors = np.linalg.eigh(bread[np.ix_(free, free)])
         good = powers > RANK * powers[-1]
         loose = np.sqrt(square / count / np.maximum(powers, max(1e-6 * RANK * powers[-1], 1e-300)))
         seen[free] = np.linalg.norm(vectors[:, ~good] * loose[~good], axis=1) <= 2.0 * WEAK
         unit = vectors[:, good] / np.sqrt(powers[good])
-        found = score_covariance(problem.records, errors, [own[:, free] @ unit for own in rows], sizes)
-        covariance[np.ix_(free, free)] = unit @ found @ unit.T
-    return Spread(covariance * np.outer(scales, scales), bread, inner, seen, count)
+        found = score_covariance(problem.records, errors, [own[:, free] @ unit for own in rows], sizes, draws)
+        covariance[np.ix_(free, free)] = unit @ found.covariance @ unit.T
+        factors[free] = found.factors(unit, count)
+    covariance *= np.outer(scales, scales)
+    return Spread(covariance, bread, inner, seen, count, np.diag(covariance), factors)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """The sum of all scores, derivatives of the errors times the errors, of f numbers.
+
+    Attributes:
+        encoder: Values that errors of the encoder may give it, shape (s, f).
+        rest: Covariance of what else it holds, shape (f, f).
+        clustered: The part of that which is estimated from the pieces of the logs, shape (f, f).
+    """
+
+    encoder: Array
+    rest: Array
+    clustered: Array
+
+    @property
+    def covariance(self) -> Array:
+        """Its covariance, shape (f, f)."""
+        return np.asarray(self.encoder.T @ self.encoder / len(self.encoder) + self.rest)
+
+    def factors(self, into: Array, pieces: int) -> Array:
+        """Return half widths at LEVEL over standard deviations of numbers ``into @ score``, shape (p,).
+
+        Errors of an encoder's step are bounded, so few of them are spread less far than a normal distribution. What
+        pieces estimate has the degrees of freedom of Satterthwaite, "An approximate distribution of estimates of
+        variance components", Biometrics Bulletin 2, 1946.
+
+        Args:
+            into: Shape (p, f).
+            pieces: Number of pieces of logs that count as independent.
+        """
+        values = self.encoder @ into.T
+        normal, clustered = (np.einsum("pf,fg,pg->p", into, own, into) for own in (self.rest, self.clustered))
+        size = np.sqrt(np.mean(values**2, axis=0) + normal)
+        values, normal = values / size, np.sqrt(np.maximum(normal, 1e-12)) / size
+        low, high = np.zeros(len(into)), np.full(len(into), 3.0 * NORMAL)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            inside = np.mean(ndtr((middle - values) / normal) - ndtr((-middle - values) / normal), axis=0)
+            low, high = np.where(inside < LEVEL, middle, low), np.where(inside < LEVEL, high, middle)
+        freedom = max(pieces - 1, 1) / np.maximum(clustered / size**2, 1e-3) ** 2
+        return np.asarray(high * stdtrit(freedom, 0.5 + LEVEL / 2.0) / NORMAL)
 
 
 def score_covariance(
-    records: Sequence[JointRecord], errors: Sequence[Array], slopes: Sequence[Array], sizes: Sequence[float]
-) -> Array:
-    """Return the covariance of the sum of all scores: of derivatives of the errors times the errors, shape (f, f).
+    records: Sequence[JointRecord],
+    errors: Sequence[Array],
+    slopes: Sequence[Array],
+    sizes: Sequence[float],
+    draws: int = 0,
+) -> Scores:
+    """Return how the sum of all scores is spread: of derivatives of the errors times the errors.
 
     Args:
         records: The joint in the logs.
         errors: In rad, log by log, each (N,).
-        slopes: Derivatives times the weight of each log, each (N, f); of all logs together no singular matrix.
+        slopes: Derivatives times the weight of each log, each (N, f); of all logs together with orthonormal columns.
         sizes: Weight of each log.
+        draws: Roll-outs within the covariance itself that it is averaged over; 0: that of the answer alone.
     """
     scores: list[Array] = []
     waves: list[Array] = []
     white, step = np.zeros((slopes[0].shape[1],) * 2), max(encoder_step(records), _LEAST_STEP)
-    for record, error, own, size, pieces in zip(records, errors, slopes, sizes, pieces_of(records), strict=True):
-        phases = size * step * _encoder_waves((record.q[record.used] + error) / step)
-        white += (1.0 / 12.0 - np.sum(0.5 / (np.pi * _HARMONICS) ** 2)) * (size * step) ** 2 * (own.T @ own)
+    places = [(record.q[record.used] + error) / step for record, error in zip(records, errors, strict=True)]
+    scaled = [size * step * own for own, size in zip(slopes, sizes, strict=True)]
+    parts = zip(errors, slopes, places, scaled, sizes, pieces_of(records), strict=True)
+    for error, own, place, turned, size, pieces in parts:
+        phases = _encoder_waves(place)
+        white += (1.0 / 12.0 - np.sum(0.5 / (np.pi * _HARMONICS) ** 2)) * (turned.T @ turned)
         for part in np.array_split(np.arange(len(error)), pieces):
             scores.append(size * (error[part] @ own[part]))
-            waves.append(phases[:, part] @ own[part])
-    encoder, within = ((each.conj().T @ each).real + white for each in (np.sum(waves, axis=0), np.concatenate(waves)))
-    count, free = len(scores), len(white)
+            waves.append(phases[:, part] @ turned[part])
+    encoder, pieces = [np.sum(waves, axis=0)], np.concatenate(waves)
+    within, count, free = (pieces.conj().T @ pieces).real + white, len(scores), len(white)
+    if draws:
+        moves = [own / (size * step) for own, size in zip(slopes, sizes, strict=True)]
+        encoder = _drawn(places, moves, scaled, within, white, draws)
     powers, vectors = eigh(np.transpose(scores) @ scores * count / max(count - 1, 1), within)
     more = np.where(powers > (1.0 + np.sqrt(free / count)) ** 2, powers - 1.0, 0.0)
-    return np.asarray(encoder + (within @ vectors * more) @ (within @ vectors).T)
+    clustered = np.asarray((within @ vectors * more) @ (within @ vectors).T)
+    turns = np.exp(2j * np.pi * _HARMONICS * (np.arange(_PLACES)[:, None] + 0.5) / _PLACES)
+    values = np.concatenate([np.sqrt(2.0) * (turns @ wave).imag for wave in encoder])
+    return Scores(values, white + clustered, clustered)
+
+
+def _drawn(
+    places: Sequence[Array], moves: Sequence[Array], slopes: Sequence[Array], first: Array, white: Array, draws: int
+) -> list[Array]:
+    """Return the harmonics of the scores by the encoder, each (h, f), of roll-outs within the covariance of these.
+
+    Args:
+        places: Positions of the roll-out in steps of the encoder, log by log, each (N,).
+        moves: Their derivatives by the directions of the scores, each (N, f).
+        slopes: What the errors in steps are multiplied by in the scores, each (N, f).
+        first: Covariance that they are drawn in at first, where errors of different pieces do not correlate, (f, f).
+        white: Part of the high harmonics, which all roll-outs share, (f, f).
+        draws: Number of roll-outs.
+    """
+    random, covariance, found = np.random.default_rng(0), first, list[Array]()
+    for _ in range(_PASSES):
+        root, found = np.linalg.cholesky(covariance), []
+        for _ in range(draws):
+            moved = root @ random.standard_normal(len(white))
+            parts = zip(places, moves, slopes, strict=True)
+            found.append(np.sum([_encoder_waves(place + move @ moved) @ own for place, move, own in parts], axis=0))
+        covariance = np.mean([(wave.conj().T @ wave).real for wave in found], axis=0) + white
+    return found
 
 
 def _encoder_waves(positions: Array) -> Array:
@@ -186,11 +295,8 @@ def known_parameters(problem: ServoProblem, parameters: Array, spread: Spread) -
     """Return how far each free parameter is known."""
     values = parameters[problem.places]
     free = [int(k) for k in np.flatnonzero(spread.inner)]
-    factor = float(stdtrit(max(spread.pieces - 1, 1), 0.5 + LEVEL / 2.0))
-    halves, ratios = (
-        factor * np.sqrt(np.maximum(np.diag(own), 0.0))
-        for own in (spread.covariance, spread.covariance if spread.ratio is None else spread.ratio)
-    )
+    halves = spread.half_widths(spread.covariance)
+    ratios = halves if spread.ratio is None else spread.half_widths(spread.ratio)
     found = []
     for k, (name, value, half) in enumerate(zip(problem.free, values.tolist(), halves.tolist(), strict=True)):
         ratio = None if spread.ratio is None else float(ratios[k])
