@@ -97,7 +97,7 @@ def _position_noise(estimate: Estimate) -> list[str]:
     found = estimate.choices.position_noise
     if found is None:
         return []
-    bias = np.abs(found.parameters)
+    bias = found.left * np.abs(found.parameters)
     own = np.sqrt(np.maximum(np.diag(estimate.covariance) - bias**2, 0.0))
     moved = np.flatnonzero(bias > own)
     if not len(moved):
@@ -106,9 +106,9 @@ def _position_noise(estimate: Estimate) -> list[str]:
     unit = "m" if estimate.model.robot.active[joint].kind == "prismatic" else "rad"
     size = f"{found.positions[joint]:.2g} {unit} of {estimate.model.robot.joint_names[joint]}"
     return [
-        f"noise of the positions (std {size}) biases {len(moved)} of {estimate.base.count} parameters by more than "
+        f"noise of the positions (std {size}) may bias {len(moved)} of {estimate.base.count} parameters by more than "
         f"their other errors (errors-in-variables bias, most {worst}), which their intervals allow for: lower the "
-        "cut-off, or use 'didim' with the controller's gains"
+        "cut-off, or positions_hz of butterworth to twice the cut-off, or use 'didim' with the controller's gains"
     ]
 
 

@@ -12,8 +12,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimators import ESTIMATORS, Estimator
 from dynident.identification.fit import fit
 from dynident.identification.selection.cutoff.sensitivity import cutoff_sensitivity
-from dynident.identification.selection.friction.load import with_load
-from dynident.identification.uncertainty.position_noise import with_noise_bias
+from dynident.identification.uncertainty.position_noise import without_noise
 from dynident.identification.uncertainty.trust import TrustOptions, with_diagnostics
 from dynident.identification.validate import with_nominal
 from dynident.model.dynamic_model import DynamicModel
@@ -54,10 +53,8 @@ def identify(
     part, trust = ESTIMATORS.make(estimator), trust or TrustOptions()
     problem = build_problem(model, logs, preprocessing, progress, choose_friction, knowledge)
     estimate = fit(problem, part, progress)
-    problem = with_load(problem, estimate.beta)
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
-    if not part.allows_for_noise:
-        estimate = with_noise_bias(estimate, problem, ordered, progress)
+    estimate, problem = without_noise(estimate, problem, part, ordered, progress)
     if trust.sensitivity:
         progress("other cut-offs")
         table = cutoff_sensitivity(estimate, problem, ordered)

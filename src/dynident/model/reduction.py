@@ -99,6 +99,12 @@ class Triangle:
             factor = triangle_of(np.concatenate([part.factor for part in parts]))
         return Triangle(self.columns, factor, sum(part.rows for part in parts))
 
+    def shifted(self, change: Array) -> Triangle:
+        """Return the triangle of torques less those of ``change``, shape (b,), by which a fit moves then."""
+        factor = self.factor.copy()
+        factor[:, -1] -= factor[:, :-1] @ change[self.columns]
+        return Triangle(self.columns, factor, self.rows)
+
     def residual_square(self, beta: Array) -> float:
         """Return the sum of squared residuals of the rows at ``beta``, shape (b,)."""
         vector = np.append(beta[self.columns], -1.0)

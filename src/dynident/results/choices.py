@@ -10,6 +10,7 @@ from dynident.identification.problem.choices import (
     FieldChoice,
     FieldEstimate,
     GainUncertainty,
+    NoiseBias,
 )
 from dynident.model.friction import WHOLE
 from dynident.results.text import (
@@ -24,8 +25,13 @@ from dynident.results.text import (
 )
 
 
-def choice_tables(choices: Choices) -> tuple[tuple[str, Table], ...]:
-    """Return the tables, each with its title, from the choices of an estimate; none where nothing was chosen."""
+def choice_tables(choices: Choices, joints: Sequence[str] = ()) -> tuple[tuple[str, Table], ...]:
+    """Return the tables, each with its title, from the choices of an estimate; none where nothing was chosen.
+
+    Args:
+        choices: The choices.
+        joints: Names of the joints, where noise of their positions is among the choices.
+    """
     tables = []
     if choices.delays:
         tables.append(("Time delay between torque and position signals", _delays(choices.delays)))
@@ -35,6 +41,9 @@ def choice_tables(choices: Choices) -> tuple[tuple[str, Table], ...]:
         tables.append(("Friction fields estimated from the logs", _fields(choices.non_linear)))
     if choices.gain_std is not None:
         tables.append(("Drive gain uncertainty", _gains(choices.gain_std)))
+    if choices.position_noise is not None:
+        done = "taken out" if choices.position_noise.left < 1.0 else "in the intervals"
+        tables.append((f"Noise of the positions: its bias is {done}", _noise(choices.position_noise, joints)))
     return tuple(tables)
 
 
@@ -66,6 +75,16 @@ def _gains(stated: GainUncertainty) -> Table:
         "moves what its drive determines by 2 %. extras.gain_std.parameters of the estimate has the figures."
     )
     return Table((Column("joint"), Column("rel. std of the gain", "%", numeric=True)), rows, note)
+
+
+def _noise(found: NoiseBias, joints: Sequence[str]) -> Table:
+    rows = tuple((label(joint), format_number(size, 2)) for joint, size in zip(joints, found.positions, strict=True))
+    note = "Its bias of the parameters (errors in variables; extras.position_noise.parameters) is "
+    if found.left < 1.0:
+        note += f"taken out of the estimate; {format_percent(found.left)} of it may be left and is in the intervals."
+    else:
+        note += "in the intervals, not taken out of the estimate."
+    return Table((Column("joint"), Column("std", "rad or m", numeric=True)), rows, note)
 
 
 def _delays(delays: Sequence[DelayRecord]) -> Table:

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,16 +39,23 @@ class ArrayTable(LogTable):
 
     Attributes:
         places: Where each column stands.
-        load: Returns an array by its name.
         rows: Number of rows.
-        parts: Returns blocks of rows of an array by its name, each (rows, k), where that takes no more memory; else
-            None.
+        load: Returns an array by its name; asked where there are no ``parts``.
+        parts: Returns blocks of rows of an array by its name, each (rows, k), where that takes no more memory.
     """
 
     places: Mapping[str, ArrayPlace]
-    load: Callable[[str], Array]
-    rows: int = 0
+    rows: int
+    load: Callable[[str], Array] | None = None
     parts: Callable[[str, int], Iterator[Array]] | None = None
+
+    @classmethod
+    def of(
+        cls, path: str | Path, digest: str, how: str, found: tuple[Mapping[str, ArrayPlace], int], **reading: Any
+    ) -> ArrayTable:
+        """Return the table of a file whose columns :func:`columns_of` found; ``reading`` is load or parts."""
+        places, rows = found
+        return cls(path=str(path), sha256=digest, header=tuple(places), how=how, places=places, rows=rows, **reading)
 
     def columns(self, names: Sequence[str]) -> Array:
         """Return some columns; see :meth:`LogTable.columns`."""
@@ -65,6 +73,7 @@ class ArrayTable(LogTable):
         for name in names:
             place = self.places[name]
             if place.array not in arrays:
+                assert self.load is not None
                 arrays[place.array] = self.load(place.array)
             array = arrays[place.array]
             column = array if place.index is None else array[:, place.index] if place.across else array[place.index]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -52,16 +53,8 @@ def _old(path: str | Path, digest: str) -> ArrayTable:
         evidence = f"it does not read as a MATLAB file, or is damaged: {error}"
         raise LogFormatError(path, None, evidence, _STEP) from error
     arrays = dict(_walk_values(data, "", 0))
-    places, count = columns_of(path, {name: array.shape for name, array in arrays.items()}, number_vectors=False)
-    return ArrayTable(
-        path=str(path),
-        sha256=digest,
-        header=tuple(places),
-        how="MATLAB file",
-        places=places,
-        load=arrays.__getitem__,
-        rows=count,
-    )
+    found = columns_of(path, {name: array.shape for name, array in arrays.items()}, number_vectors=False)
+    return ArrayTable.of(path, digest, "MATLAB file", found, load=arrays.__getitem__)
 
 
 def _walk_values(data: dict[str, Any], above: str, depth: int) -> Iterator[tuple[str, Array]]:
@@ -75,17 +68,8 @@ def _walk_values(data: dict[str, Any], above: str, depth: int) -> Iterator[tuple
 def _new(path: str | Path, digest: str) -> ArrayTable:
     with _opened(path) as file:
         shapes = {name: _shape(item) for name, item in _walk_groups(_package(), file, "", 0)}
-    places, count = columns_of(path, shapes, number_vectors=False)
-    return ArrayTable(
-        path=str(path),
-        sha256=digest,
-        header=tuple(places),
-        how="MATLAB 7.3 file",
-        places=places,
-        load=lambda name: np.concatenate(list(_parts(path, name, count, count))),
-        rows=count,
-        parts=lambda name, rows: _parts(path, name, count, rows),
-    )
+    found = columns_of(path, shapes, number_vectors=False)
+    return ArrayTable.of(path, digest, "MATLAB 7.3 file", found, parts=partial(_parts, path, found[1]))
 
 
 def _package() -> Any:
@@ -119,7 +103,7 @@ def _shape(item: Any) -> tuple[int, ...]:
     return (max(shape),) if len(shape) == 2 and 1 in shape else shape
 
 
-def _parts(path: str | Path, name: str, count: int, rows: int) -> Iterator[Array]:
+def _parts(path: str | Path, count: int, name: str, rows: int) -> Iterator[Array]:
     """Yield blocks of rows (rows, k) of a data set; memory holds one block."""
     with _opened(path) as file:
         item = dict(_walk_groups(_package(), file, "", 0))[name]

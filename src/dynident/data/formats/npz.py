@@ -8,6 +8,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tokenize import TokenError
 from typing import IO, ClassVar
@@ -61,17 +62,8 @@ class Npz(LogFormat):
                         shapes[member.filename.removesuffix(".npy")] = shape
         except _DAMAGE as error:
             raise LogFormatError(path, None, f"no NumPy archive ({error})", _STEP) from error
-        places, count = columns_of(path, shapes, number_vectors=True)
-        return ArrayTable(
-            path=str(path),
-            sha256=digest,
-            header=tuple(places),
-            how="NumPy archive",
-            places=places,
-            load=lambda name: np.concatenate(list(_parts(path, name, count, count))),
-            rows=count,
-            parts=lambda name, rows: _parts(path, name, count, rows),
-        )
+        found = columns_of(path, shapes, number_vectors=True)
+        return ArrayTable.of(path, digest, "NumPy archive", found, parts=partial(_parts, path, found[1]))
 
     def write(self, log: Log, path: str | Path) -> None:
         """Write t (N,) and one array (N, n) per signal; see :meth:`LogFormat.write`."""
@@ -91,11 +83,8 @@ def _bare(path: str | Path, digest: str) -> ArrayTable:
     except _DAMAGE as error:
         raise LogFormatError(path, None, f"no NumPy array of numbers ({error})", _STEP) from error
     shapes = {"c": array.shape} if array.dtype.kind in "fiub" else {}
-    places, count = columns_of(path, shapes, number_vectors=True)
-    how = "NumPy array"
-    return ArrayTable(
-        path=str(path), sha256=digest, header=tuple(places), how=how, places=places, load=lambda _: array, rows=count
-    )
+    found = columns_of(path, shapes, number_vectors=True)
+    return ArrayTable.of(path, digest, "NumPy array", found, load=lambda _: array)
 
 
 def _shape(path: str | Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...] | None:
@@ -127,7 +116,7 @@ def _npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
     raise ValueError(f"a header of version {version}")
 
 
-def _parts(path: str | Path, name: str, count: int, rows: int) -> Iterator[Array]:
+def _parts(path: str | Path, count: int, name: str, rows: int) -> Iterator[Array]:
     """Yield blocks of rows (rows, k) of a member, whichever way it is laid out; memory holds one block."""
     try:
         with zipfile.ZipFile(path) as archive:

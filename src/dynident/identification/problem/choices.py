@@ -146,15 +146,17 @@ class GainUncertainty:
 
 @dataclass(frozen=True)
 class NoiseBias:
-    """What noise of the positions does to least squares; its square is part of the covariance.
+    """What noise of the positions does to least squares.
 
     Attributes:
         positions: Standard deviation of the white noise of each joint's positions, in rad or m, shape (n,).
         parameters: Bias of each base parameter by it, in its unit, shape (b,).
+        left: Share of it that may be left in the estimate, whose square is in the covariance; 1: it was not taken out.
     """
 
     positions: tuple[float, ...]
     parameters: tuple[float, ...]
+    left: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -79,6 +79,7 @@ class Problem:
         prior: Standard parameters known beforehand, in place of the robot model's; None for the robot model's.
         left: What is known of rows that are gone; None where logs and rows are there.
         kept: The rows of the logs, where they were made already and fit into memory.
+        bias: By noise of the positions, shape (b,), that the triangles go without; None where it stays in.
     """
 
     model: DynamicModel
@@ -92,6 +93,7 @@ class Problem:
     prior: BodyPrior | None = None
     left: LeftOver | None = None
     kept: KeptRows | None = field(default=None, repr=False, compare=False)
+    bias: Array | None = None
 
     def __post_init__(self) -> None:
         """Let go of rows that are those of other logs, base parameters or another load, as after ``replace``."""
@@ -137,6 +139,10 @@ class Problem:
         floor = 1e-6 * np.array([np.sqrt(t.torque_square / max(t.rows, 1)) for t in self.triangles])
         deviations = np.sqrt(self.residual_squares(beta) / free)
         return np.maximum(deviations, np.maximum(floor, 1e-300))
+
+    def without(self, bias: Array) -> Problem:
+        """Return the problem whose triangles go without a bias, shape (b,)."""
+        return replace(self, triangles=tuple(each.shifted(bias) for each in self.triangles), bias=bias)
 
     @cached_property
     def rows(self) -> Rows:

@@ -128,7 +128,8 @@ def run(land: Landscape, stages: Iterator[Stage], rules: Rules, iterations: int)
         done += len(stage.trace)
         if done >= iterations:
             break
-        if rules.stall is not None and _stalled(parts, rules.stall):
+        stall = len(parts) if rules.stall is None else rules.stall
+        if stall < len(parts) and parts[-1][-1] > (1.0 - STALL) * parts[-1 - stall][-1]:  # next to nothing was gained
             stopped = "stall"
             break
         if rules.seconds is not None and time.monotonic() - start >= rules.seconds:
@@ -137,11 +138,6 @@ def run(land: Landscape, stages: Iterator[Stage], rules: Rules, iterations: int)
     assert stage is not None  # a search has one iteration at least
     trace = np.concatenate(parts)
     return Swarm(stage.x, land.value(stage.x), trace, stage.evaluations, stage.scouts, stopped)
-
-
-def _stalled(parts: list[Array], stall: int) -> bool:
-    """Return whether the last ``stall`` stages, of one iteration each, brought next to nothing."""
-    return len(parts) > stall and bool(parts[-1][-1] > (1.0 - STALL) * parts[-1 - stall][-1])
 
 
 class Ground:

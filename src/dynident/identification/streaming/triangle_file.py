@@ -231,12 +231,12 @@ def _arrays(path: str | Path) -> dict[str, Any]:
         members = archive.infolist()
         if sum(member.file_size for member in members) > _MOST_BYTES:
             raise TriangleFileError(path, "it unpacks to more than a file of QR factors holds", _STEP)
-        return {member.filename.removesuffix(".npy"): _read_array(archive, member) for member in members}
-
-
-def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
-    with archive.open(member) as stream:
-        return np.lib.format.read_array(stream, allow_pickle=False)
+        found: dict[str, Any] = {}
+        for member in members:
+            with archive.open(member) as stream:
+                values = np.lib.format.read_array(stream, allow_pickle=False)
+            found[member.filename.removesuffix(".npy")] = values
+        return found
 
 
 def _digest(

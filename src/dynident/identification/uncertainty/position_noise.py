@@ -1,18 +1,16 @@
-"""The bias by noise of the positions, which no residual shows, taken into the intervals.
+"""The bias by noise of the positions, which no residual shows: taken out of least squares, or into the intervals.
 
-The rows of the regressor are made of measured positions; their noise biases least squares (errors in variables) by an
-amount that grows with its variance. It is extrapolated from fits with more of it (SIMEX; Cook and Stefanski 1994):
-noise of the power that the positions have above the motion is drawn, once and three times as strong, and a parabola
-through the three fits tells what there would be without any. A draw and its negative are fitted both, so that what
-changes the estimate by chance, the first order, cancels (Hammersley and Morton 1956).
-
-The estimate stays; the square of its bias is added to the covariance. Noise whose power is not the same at all
-frequencies, of positions that were filtered before they were logged, is underestimated.
+Noise of the measured positions, in the rows, biases least squares (errors in variables). What it adds to the products
+[W, tau]'[W, tau] is found by adding as much again: noise of the power that the positions have above the motion is
+drawn, and a draw and its negative are reduced both, so that the first order cancels (Hammersley and Morton 1956). Less
+that, least squares has no bias to first order in the variance (Fuller 1987, section 2.2; Cook and Stefanski 1994).
+Estimators that solve from triangles go without the bias; the others get its square into the covariance. Noise that is
+not white, of positions that were filtered before they were logged, is underestimated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,79 +21,90 @@ from dynident.data.preprocessing import Prepared, preprocess, resample
 from dynident.data.preprocessing._spectra import noise_floor
 from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimators.ols import OLS
+from dynident.identification.fit import fit
 from dynident.identification.problem.choices import NoiseBias
-from dynident.identification.problem.problem import Problem, make_problem
+from dynident.identification.problem.estimator import Estimator
+from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.identification.selection.friction.load import with_load
-from dynident.model.reduction import least_squares
-
-#: Variance that is added, in units of that of the noise.
-ADDED = (1.0, 3.0)
+from dynident.model.reduction import Reduced, least_squares
 
 #: A bias of fewer stated standard deviations than this widens no interval by more than 5 %, and is left aside.
 MATTERS = 0.3
 
-#: Share of the bound of :func:`_may_matter` that biases reach: 0.03 to 0.29 for cut-offs of 3 to 40 Hz and noise of
-#: 1e-6 to 1e-3 rad on an arm of three joints.
+#: Share of the bound of :func:`_may_matter` that biases reach: 0.29 at most (cut-offs 3 to 40 Hz, 1e-6 to 1e-3 rad).
 REACHED = 0.3
+
+#: Share of noise in the information on a direction up to which it is taken out.
+MOST = 0.95
+
+#: Share of the bias that is left at least: half stayed where noise of the speeds is wider than the sign of friction.
+LEFT = 0.5
 
 #: Seed of the draws.
 SEED = 30
 
 
-def with_noise_bias(
-    estimate: Estimate, problem: Problem, logs: Sequence[Log], progress: Callable[[str], None] = lambda step: None
-) -> Estimate:
-    """Return the estimate with the bias by noise of the positions in its covariance, as it is where that is small.
+def without_noise(
+    estimate: Estimate,
+    problem: Problem,
+    estimator: Estimator,
+    logs: Sequence[Log],
+    progress: Callable[[str], None] = lambda step: None,
+) -> tuple[Estimate, Problem]:
+    """Return estimate and problem without the bias by noise of the positions, as they are where that is small.
 
     Args:
-        estimate: The estimate, of a method that takes the measured motion for the true one.
+        estimate: The estimate; what of the bias may be left is in the covariance of the one returned.
         problem: What it solves.
+        estimator: What found it.
         logs: The raw logs of the problem, joints in the order of the robot.
         progress: Called with the step in words where fits are needed.
     """
-    found = noise_bias(estimate, problem, logs, progress)
-    if found is None:
-        return estimate
-    bias = np.array(found.parameters)
-    covariance = estimate.covariance + np.outer(bias, bias)
-    return replace(estimate, covariance=covariance, choices=replace(estimate.choices, position_noise=found))
-
-
-def noise_bias(
-    estimate: Estimate, problem: Problem, logs: Sequence[Log], progress: Callable[[str], None]
-) -> NoiseBias | None:
-    """Return the bias by noise of the positions; None where it is small beside the deviations, or not to be had.
-
-    Arguments as of :func:`with_noise_bias`.
-    """
+    problem = with_load(problem, estimate.beta)
+    if estimator.allows_for_noise:
+        return estimate, problem
     even = [resample(log, problem.preprocessing.longest_gap_s) for log in logs]
     noise = [np.sqrt(noise_floor(log.q, log.rate) * log.rate / 2) for log in even]
-    problem = with_load(problem, estimate.beta)
     try:
-        more = _noisy(problem, even, noise, ADDED[0] ** 0.5)
+        more = _noisy(problem, even, noise)
         if not _may_matter(estimate, problem, more):
-            return None
+            return estimate, problem
         progress("noise of the positions")
-        first = _moved(estimate, problem, (more, _noisy(problem, even, noise, -(ADDED[0] ** 0.5))))
-        if not np.any(np.abs(first) > MATTERS / 2 * estimate.std):
-            return None
-        second = _moved(estimate, problem, (_noisy(problem, even, noise, way * ADDED[1] ** 0.5) for way in (1, -1)))
-    except DynidentError:  # so much noise that the rows determine nothing
-        return None
-    (once, more), (slope, steep) = ADDED, (first / ADDED[0], second / ADDED[1])
-    bent = (steep - slope) / (more - once)
-    bias = slope - bent * (once + 1.0)  # what the parabola through 0 falls by from 0 to -1
+        added = _added(problem, (more, _noisy(problem, even, [-size for size in noise])))
+    except DynidentError:  # positions that cannot be prepared with more noise
+        return estimate, problem
+    weights = np.ones(len(problem.triangles)) if isinstance(estimator, OLS) else 1.0 / estimate.joint_deviations
+    bias, spread, share = _bias(problem.reduced(weights), np.tensordot(weights**2, added, 1))
     if not np.any(np.abs(bias) > MATTERS * estimate.std):
-        return None
-    return NoiseBias(tuple(np.sqrt(np.mean(np.square(noise), axis=0)).tolist()), tuple(bias.tolist()))
+        return estimate, problem
+    left = max(share, LEFT) if estimator.from_triangles and share < MOST else 1.0
+    if left < 1.0:
+        problem = problem.without(bias)
+        estimate = fit(problem, estimator, progress)
+    found = NoiseBias(tuple(np.sqrt(np.mean(np.square(noise), axis=0)).tolist()), tuple(bias.tolist()), left)
+    grown = spread if left < 1.0 else np.eye(len(bias))
+    covariance = grown @ estimate.covariance @ grown.T + left**2 * np.outer(bias, bias)
+    return replace(estimate, covariance=covariance, choices=replace(estimate.choices, position_noise=found)), problem
 
 
-def _noisy(problem: Problem, logs: Sequence[Log], noise: Sequence[Array], times: float) -> list[Prepared]:
-    """Return the logs of a problem with white noise on the positions, of ``times`` the deviations (n,) of each."""
+def _bias(reduced: Reduced, added: Array) -> tuple[Array, Array, float]:
+    """Return what noise that added so much to [W, tau]'[W, tau] (b + 1, b + 1) biases least squares by, shape (b,).
+
+    Also the matrix that errors grow by where it is taken out (b, b), and the largest share of noise in a direction.
+    """
+    inverse, beta = np.linalg.inv(reduced.r), least_squares(reduced).beta
+    shares, directions = np.linalg.eigh(inverse.T @ added[:-1, :-1] @ inverse)
+    spread = inverse @ (directions / (1.0 - np.minimum(shares, MOST))) @ directions.T @ reduced.r
+    return beta - spread @ (beta - inverse @ inverse.T @ added[:-1, -1]), spread, float(shares[-1])
+
+
+def _noisy(problem: Problem, logs: Sequence[Log], noise: Sequence[Array]) -> list[Prepared]:
+    """Return the logs of a problem with white noise on the positions, of these deviations (n,) of each."""
     found = []
     for k, (log, size, plain) in enumerate(zip(logs, noise, problem.logs, strict=True)):
-        drawn = times * size * np.random.default_rng([SEED, k]).normal(size=log.q.shape)
+        drawn = size * np.random.default_rng([SEED, k]).normal(size=log.q.shape)
         found.append(preprocess(replace(log, q=log.q + drawn), replace(plain.how, delay_s=plain.delay_s)))
     return found
 
@@ -103,8 +112,7 @@ def _noisy(problem: Problem, logs: Sequence[Log], noise: Sequence[Array], times:
 def _may_matter(estimate: Estimate, problem: Problem, logs: Sequence[Prepared]) -> bool:
     """Return whether the bias may be as large as the deviations, by what a draw of the noise does to the torque.
 
-    The bound: the root of the effective rows, times the noise of the torque by the positions over the residual, times
-    the noise of the accelerations over themselves.
+    The bound: root of the effective rows, noise of the torque over residual, noise of accelerations over themselves.
     """
     regressor, worst = problem.regressor, 0.0
     for noisy, plain in zip(logs, problem.logs, strict=True):
@@ -117,9 +125,13 @@ def _may_matter(estimate: Estimate, problem: Problem, logs: Sequence[Prepared]) 
     return bool(np.sqrt(rows) * worst * REACHED > MATTERS)
 
 
-def _moved(estimate: Estimate, problem: Problem, draws: Iterable[Sequence[Prepared]]) -> Array:
-    """Return what noise moves weighted least squares by in the mean over the logs with several draws, shape (b,)."""
-    weights = 1.0 / np.asarray(estimate.joint_deviations)
-    posed = (make_problem(problem.model, problem.base, noisy, problem.load) for noisy in draws)
-    found = [least_squares(each.reduced(weights)).beta for each in posed]
-    return np.mean(found, axis=0) - least_squares(problem.reduced(weights)).beta
+def _added(problem: Problem, draws: Sequence[Sequence[Prepared]]) -> Array:
+    """Return what noise adds to [W, tau]'[W, tau] of each joint in the mean over the logs with several draws."""
+    size = problem.base.count
+    found = np.zeros((len(problem.triangles), size + 1, size + 1))
+    noisy = [problem.regressor.triangles(*each) for logs in draws for each in zip(logs, problem.masks, strict=True)]
+    for share, triangles in [(-1.0, problem.triangles), *((1.0 / len(draws), each) for each in noisy)]:
+        for into, own in zip(found, triangles, strict=True):
+            places = np.append(own.columns, size)
+            into[np.ix_(places, places)] += share * own.factor.T @ own.factor
+    return found

@@ -23,7 +23,7 @@ from dynident.identification.files.estimate_file import plain
 from dynident.identification.fit import fit
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
-from dynident.identification.uncertainty.position_noise import with_noise_bias
+from dynident.identification.uncertainty.position_noise import without_noise
 from dynident.identification.validate import validate_prepared
 
 #: Share of the torque below which the residual of weighted least squares is rounding.
@@ -180,10 +180,10 @@ class Contest:
     def _measured(self, method: Method) -> Outcome:
         problem = self.problem
         estimate = fit(problem, method.part)
-        if self.logs and not method.part.allows_for_noise:
-            estimate = with_noise_bias(estimate, problem, self.logs)
+        norm = float(np.sqrt(self.weights**2 @ problem.residual_squares(estimate.beta)))
+        if self.logs:
+            estimate, _ = without_noise(estimate, problem, method.part, self.logs)
         beta = estimate.beta
-        norm = float(np.sqrt(self.weights**2 @ problem.residual_squares(beta)))
         possible = estimate.consistency.consistent
         return Outcome(
             method=method.label,

@@ -90,7 +90,8 @@ class Bench:
 
     def candidate(self, hertz: float) -> CutoffCandidate | None:
         """Return the estimate at a cut-off; None where the rows do not determine it, or not how sure it is."""
-        if self._independent(hertz) < FEWEST_ROWS * self.base.count:
+        independent = self._independent(hertz)
+        if independent < FEWEST_ROWS * self.base.count:
             return None
         try:
             own = self.rows(hertz)
@@ -98,7 +99,8 @@ class Bench:
                 return None
             beta = own.fit[0]
             gram = own.reduced.r.T @ own.reduced.r / own.reduced.rows
-            covariance = self.share * self._jackknife(hertz) * own.covariance
+            jackknife = (1.0 - self.base.count / independent) ** -2  # residuals of a fit understate the variance
+            covariance = self.share * jackknife * own.covariance
             move = self.rows(hertz, 1.0).fit[0] - beta
             if move @ gram @ move > SMALL * np.sum(gram * covariance):  # else the bias within it is smaller still
                 move = 0.5 * (move + self.rows(hertz, -1.0).fit[0] - beta)
@@ -146,10 +148,6 @@ class Bench:
         """Return the independent rows that a low-pass leaves: 2 c a second and joint (Nyquist 1928)."""
         seconds = sum(max(log.duration - 2 * self.how.trim_s, 0.0) for log in self.logs)
         return 2 * hertz * seconds * self.model.robot.dof
-
-    def _jackknife(self, hertz: float) -> float:
-        """Return by how much residuals of a fit understate the variance, as leaving out each row once tells it."""
-        return (1.0 - self.base.count / self._independent(hertz)) ** -2
 
 
 def thinned_out(log: Log, rate: float) -> Log:

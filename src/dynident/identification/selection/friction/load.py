@@ -74,4 +74,5 @@ def with_load(problem: Problem, beta: Array) -> Problem:
     if problem.load is None or problem.load is beta:
         return problem
     found = make_problem(problem.model, problem.base, problem.logs, beta, problem.kept)
-    return replace(found, choices=problem.choices, constraints=problem.constraints, prior=problem.prior)
+    found = replace(found, choices=problem.choices, constraints=problem.constraints, prior=problem.prior)
+    return found if problem.bias is None else found.without(problem.bias)
