@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
@@ -54,7 +55,7 @@ def identify(
     problem = build_problem(model, logs, preprocessing, progress, choose_friction, knowledge)
     estimate = fit(problem, part, progress)
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
-    estimate, problem = without_noise(estimate, problem, part, ordered, progress)
+    estimate, problem = without_noise(estimate, problem, part, ordered, partial(fit, progress=progress))
     if trust.sensitivity:
         progress("other cut-offs")
         table = cutoff_sensitivity(estimate, problem, ordered)

@@ -22,7 +22,6 @@ from dynident.data.preprocessing._spectra import noise_floor
 from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimators.ols import OLS
-from dynident.identification.fit import fit
 from dynident.identification.problem.choices import NoiseBias
 from dynident.identification.problem.estimator import Estimator
 from dynident.identification.problem.problem import Problem
@@ -51,7 +50,7 @@ def without_noise(
     problem: Problem,
     estimator: Estimator,
     logs: Sequence[Log],
-    progress: Callable[[str], None] = lambda step: None,
+    fit: Callable[[Problem, Estimator], Estimate],
 ) -> tuple[Estimate, Problem]:
     """Return estimate and problem without the bias by noise of the positions, as they are where that is small.
 
@@ -60,7 +59,7 @@ def without_noise(
         problem: What it solves.
         estimator: What found it.
         logs: The raw logs of the problem, joints in the order of the robot.
-        progress: Called with the step in words where fits are needed.
+        fit: Fits a problem again.
     """
     problem = with_load(problem, estimate.beta)
     if estimator.allows_for_noise:
@@ -71,7 +70,6 @@ def without_noise(
         more = _noisy(problem, even, noise)
         if not _may_matter(estimate, problem, more):
             return estimate, problem
-        progress("noise of the positions")
         added = _added(problem, (more, _noisy(problem, even, [-size for size in noise])))
     except DynidentError:  # positions that cannot be prepared with more noise
         return estimate, problem
@@ -82,7 +80,7 @@ def without_noise(
     left = max(share, LEFT) if estimator.from_triangles and share < MOST else 1.0
     if left < 1.0:
         problem = problem.without(bias)
-        estimate = fit(problem, estimator, progress)
+        estimate = fit(problem, estimator)
     found = NoiseBias(tuple(np.sqrt(np.mean(np.square(noise), axis=0)).tolist()), tuple(bias.tolist()), left)
     grown = spread if left < 1.0 else np.eye(len(bias))
     covariance = grown @ estimate.covariance @ grown.T + left**2 * np.outer(bias, bias)

@@ -182,7 +182,7 @@ class Contest:
         estimate = fit(problem, method.part)
         norm = float(np.sqrt(self.weights**2 @ problem.residual_squares(estimate.beta)))
         if self.logs:
-            estimate, _ = without_noise(estimate, problem, method.part, self.logs)
+            estimate, _ = without_noise(estimate, problem, method.part, self.logs, fit)
         beta = estimate.beta
         possible = estimate.consistency.consistent
         return Outcome(
