@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -50,12 +49,10 @@ class ArrayTable(LogTable):
     parts: Callable[[str, int], Iterator[Array]] | None = None
 
     @classmethod
-    def of(
-        cls, path: str | Path, digest: str, how: str, found: tuple[Mapping[str, ArrayPlace], int], **reading: Any
-    ) -> ArrayTable:
-        """Return the table of a file whose columns :func:`columns_of` found; ``reading`` is load or parts."""
+    def of(cls, path: str | Path, digest: str, how: str, found: tuple[Mapping[str, ArrayPlace], int]) -> ArrayTable:
+        """Return the table of a file whose columns :func:`columns_of` found, yet without ``load`` and ``parts``."""
         places, rows = found
-        return cls(path=str(path), sha256=digest, header=tuple(places), how=how, places=places, rows=rows, **reading)
+        return cls(path=str(path), sha256=digest, header=tuple(places), how=how, places=places, rows=rows)
 
     def columns(self, names: Sequence[str]) -> Array:
         """Return some columns; see :meth:`LogTable.columns`."""

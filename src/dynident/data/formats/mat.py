@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -54,7 +54,7 @@ def _old(path: str | Path, digest: str) -> ArrayTable:
         raise LogFormatError(path, None, evidence, _STEP) from error
     arrays = dict(_walk_values(data, "", 0))
     found = columns_of(path, {name: array.shape for name, array in arrays.items()}, number_vectors=False)
-    return ArrayTable.of(path, digest, "MATLAB file", found, load=arrays.__getitem__)
+    return replace(ArrayTable.of(path, digest, "MATLAB file", found), load=arrays.__getitem__)
 
 
 def _walk_values(data: dict[str, Any], above: str, depth: int) -> Iterator[tuple[str, Array]]:
@@ -69,7 +69,7 @@ def _new(path: str | Path, digest: str) -> ArrayTable:
     with _opened(path) as file:
         shapes = {name: _shape(item) for name, item in _walk_groups(_package(), file, "", 0)}
     found = columns_of(path, shapes, number_vectors=False)
-    return ArrayTable.of(path, digest, "MATLAB 7.3 file", found, parts=partial(_parts, path, found[1]))
+    return replace(ArrayTable.of(path, digest, "MATLAB 7.3 file", found), parts=partial(_parts, path, found[1]))
 
 
 def _package() -> Any:

@@ -7,7 +7,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tokenize import TokenError
@@ -63,7 +63,7 @@ class Npz(LogFormat):
         except _DAMAGE as error:
             raise LogFormatError(path, None, f"no NumPy archive ({error})", _STEP) from error
         found = columns_of(path, shapes, number_vectors=True)
-        return ArrayTable.of(path, digest, "NumPy archive", found, parts=partial(_parts, path, found[1]))
+        return replace(ArrayTable.of(path, digest, "NumPy archive", found), parts=partial(_parts, path, found[1]))
 
     def write(self, log: Log, path: str | Path) -> None:
         """Write t (N,) and one array (N, n) per signal; see :meth:`LogFormat.write`."""
@@ -84,7 +84,7 @@ def _bare(path: str | Path, digest: str) -> ArrayTable:
         raise LogFormatError(path, None, f"no NumPy array of numbers ({error})", _STEP) from error
     shapes = {"c": array.shape} if array.dtype.kind in "fiub" else {}
     found = columns_of(path, shapes, number_vectors=True)
-    return ArrayTable.of(path, digest, "NumPy array", found, load=lambda _: array)
+    return replace(ArrayTable.of(path, digest, "NumPy array", found), load=lambda _: array)
 
 
 def _shape(path: str | Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...] | None:
