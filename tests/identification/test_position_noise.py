@@ -16,7 +16,7 @@ from dynident.identification.estimators import ESTIMATORS
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
 from dynident.identification.residuals.coloured import spectral_uncertainty
-from dynident.identification.uncertainty.position_noise import _bias
+from dynident.identification.uncertainty.position_noise import bias_of
 from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.reduction import Triangle, least_squares, reduce
@@ -114,14 +114,14 @@ def test_the_bias_is_that_of_noisy_rows() -> None:
     rows, exact = np.column_stack([clean + noise, clean @ beta]), np.column_stack([clean, clean @ beta])
     triangle = Triangle(np.arange(5), np.asfortranarray(np.linalg.qr(rows)[1]), 4000)
     reduced = reduce([triangle], 5, [1.0])
-    bias, spread, share = _bias(reduced, rows.T @ rows - exact.T @ exact)
+    bias, spread, share = bias_of(reduced, rows.T @ rows - exact.T @ exact)
     assert np.allclose(least_squares(reduced).beta - bias, beta, rtol=1e-9)
     assert np.allclose(spread, np.linalg.solve(clean.T @ clean, rows[:, :5].T @ rows[:, :5]))
     assert 0.3 < share < 0.6
     moved = least_squares(reduce([triangle.shifted(bias)], 5, [1.0])).beta
     assert np.allclose(moved, beta, rtol=1e-9)
     assert triangle.shifted(bias).residual_square(moved) == pytest.approx(triangle.residual_square(moved + bias))
-    assert np.allclose(_bias(reduced, np.zeros((6, 6)))[0], 0.0, atol=1e-12)
+    assert np.allclose(bias_of(reduced, np.zeros((6, 6)))[0], 0.0, atol=1e-12)
 
 
 def test_what_follows_the_fit_follows_the_mended_one() -> None:

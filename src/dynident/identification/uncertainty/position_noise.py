@@ -74,7 +74,7 @@ def without_noise(
     except DynidentError:  # positions that cannot be prepared with more noise
         return estimate, problem
     weights = np.ones(len(problem.triangles)) if isinstance(estimator, OLS) else 1.0 / estimate.joint_deviations
-    bias, spread, share = _bias(problem.reduced(weights), np.tensordot(weights**2, added, 1))
+    bias, spread, share = bias_of(problem.reduced(weights), np.tensordot(weights**2, added, 1))
     if not np.any(np.abs(bias) > MATTERS * estimate.std):
         return estimate, problem
     left = max(share, LEFT) if estimator.from_triangles and share < MOST else 1.0
@@ -87,10 +87,14 @@ def without_noise(
     return replace(estimate, covariance=covariance, choices=replace(estimate.choices, position_noise=found)), problem
 
 
-def _bias(reduced: Reduced, added: Array) -> tuple[Array, Array, float]:
-    """Return what noise that added so much to [W, tau]'[W, tau] (b + 1, b + 1) biases least squares by, shape (b,).
+def bias_of(reduced: Reduced, added: Array) -> tuple[Array, Array, float]:
+    """Return what noise biases least squares by, shape (b,).
 
     Also the matrix that errors grow by where it is taken out (b, b), and the largest share of noise in a direction.
+
+    Args:
+        reduced: The weighted problem.
+        added: What the noise added to [W, tau]'[W, tau], shape (b + 1, b + 1).
     """
     inverse, beta = np.linalg.inv(reduced.r), least_squares(reduced).beta
     shares, directions = np.linalg.eigh(inverse.T @ added[:-1, :-1] @ inverse)
