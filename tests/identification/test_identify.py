@@ -70,6 +70,14 @@ def test_an_estimate_is_whole(model: DynamicModel, log: Log) -> None:
     np.testing.assert_allclose(estimate.joint_deviations, NOISE, rtol=0.15)
 
 
+def test_correlations_of_a_log_end_with_it(model: DynamicModel, log: Log) -> None:
+    parts = [log.rows(slice(0, 150), "a"), log.rows(slice(150, 250), "b"), log.rows(slice(250, None), "c")]
+    estimate = identify(model, parts, "wls", GIVEN)
+    beta = estimate.base.to_standard(estimate.beta)
+    residuals = [one.torque - model.torque(motion_of(one), beta) for one in parts if one.torque is not None]
+    np.testing.assert_allclose(estimate.correlation_factors, correlation_factors(residuals), rtol=1e-9)
+
+
 def test_condition_number_is_of_the_weighted_matrix_with_unit_columns(model: DynamicModel, log: Log) -> None:
     problem = build_problem(model, [log], GIVEN)
     estimate = fit(problem, WLS())

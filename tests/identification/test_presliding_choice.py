@@ -174,7 +174,7 @@ def test_lengths_are_at_least_the_resolution(planar_2r: Robot, exact_motion: Mak
     stated = DynamicModel(planar_2r, (Coulomb(0.01), Viscous(), Presliding(3e-3)))
     found_out = r"presliding: length 0.003 is below the least distance that the positions show, 0.005 .* at least 0.005"
     with pytest.raises(LogMismatch, match=found_out):
-        identify(stated, [coarse], "wls", replace(HOW, delay_s=0.0))
+        identify(stated, [log, coarse], "wls", replace(HOW, delay_s=0.0))
     left_open = replace(stated, friction=(*stated.friction[:2], Presliding(3e-3, vary=("length",))))
     found = identify(left_open, [coarse], "wls", replace(HOW, delay_s=0.0))
     assert found.model.friction[2].options["length"] >= 5e-3 * (1 - 1e-9)
