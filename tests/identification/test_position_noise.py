@@ -132,6 +132,7 @@ def test_what_follows_the_fit_follows_the_mended_one() -> None:
     assert found.choices.position_noise is not None and found.choices.position_noise.left == 0.5
     facts = found.diagnostics
     assert facts is not None
+    assert found.standard_deviations is not None and np.median(found.standard_deviations) > 0
     assert sum(part["leverage"] for part in facts["parts"]) == pytest.approx(1.0)
     low, high = np.array(facts["bootstrap"]["low"]), np.array(facts["bootstrap"]["high"])
     assert np.mean((low <= found.beta) & (found.beta <= high)) > 0.9
