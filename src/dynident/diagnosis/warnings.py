@@ -42,7 +42,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     found += _gains(estimate)
     found += _position_noise(estimate)
     found += _one_sided(estimate)
-    moved = _sensitivity(estimate.choices.cutoff_sensitivity)
+    moved = _sensitivity(estimate.choices.cutoff_sensitivity, estimate.choices.position_noise is not None)
     if moved:
         found.append(moved)
     if name := estimate.choices.constraints_not_kept:
@@ -154,14 +154,15 @@ def _torques(validation: Validation) -> dict[str, str]:
     return {name: f"{name}: {text}" for name, text in found.items()}
 
 
-def _sensitivity(found: CutoffSensitivity | None) -> str:
-    """Return a warning where a parameter moves far with the cut-off, else nothing."""
+def _sensitivity(found: CutoffSensitivity | None, is_noisy: bool) -> str:
+    """Return a warning where a parameter moves far with the cut-off, else nothing; noise is that of the positions."""
     far = [row for row in (found.table if found is not None else ()) if row.beyond_chance > FAR]
     if found is None or not far:
         return ""
     worst = max(far, key=lambda row: row.beyond_chance)
     return (
         f"{worst.farthest} moves by {worst.beyond_chance:.2g} of its standard deviations where the cut-off is "
-        f"{worst.cutoff_hz:g} Hz in place of {found.cutoff_hz:g} Hz: the model error (friction, "
-        "flexible joints, time delay) exceeds the stated standard deviations; compare cut-offs, or use cutoff_hz: auto"
+        f"{worst.cutoff_hz:g} Hz in place of {found.cutoff_hz:g} Hz: "
+        f"{'noise of the positions or ' * is_noisy}the model error (friction, flexible joints, time delay) exceeds the "
+        "stated standard deviations; compare cut-offs, or use cutoff_hz: auto"
     )

@@ -42,7 +42,8 @@ def choice_tables(choices: Choices, joints: Sequence[str] = ()) -> tuple[tuple[s
     if choices.gain_std is not None:
         tables.append(("Drive gain uncertainty", _gains(choices.gain_std)))
     if choices.position_noise is not None:
-        done = "taken out" if choices.position_noise.left < 1.0 else "in the intervals"
+        left = choices.position_noise.left
+        done = f"taken out, but for {format_percent(left)} that may be left" if left < 1.0 else "in the intervals"
         tables.append((f"Noise of the positions: its bias is {done}", _noise(choices.position_noise, joints)))
     return tuple(tables)
 

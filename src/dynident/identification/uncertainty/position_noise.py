@@ -71,16 +71,15 @@ def without_noise(
         if not _may_matter(estimate, problem, more):
             return estimate, problem
         added = _added(problem, (more, _noisy(problem, even, [-size for size in noise])))
-    except DynidentError:  # positions that cannot be prepared with more noise
+        weights = np.ones(len(problem.triangles)) if isinstance(estimator, OLS) else 1.0 / estimate.joint_deviations
+        bias, spread, share = bias_of(problem.reduced(weights), np.tensordot(weights**2, added, 1))
+        if not np.any(np.abs(bias) > MATTERS * estimate.std):
+            return estimate, problem
+        left = max(share, LEFT) if estimator.from_triangles and share < MOST else 1.0
+        if left < 1.0:
+            estimate, problem = fit(problem.without(bias), estimator), problem.without(bias)
+    except DynidentError:  # positions that cannot be prepared with more noise, or a fit without a checked solution
         return estimate, problem
-    weights = np.ones(len(problem.triangles)) if isinstance(estimator, OLS) else 1.0 / estimate.joint_deviations
-    bias, spread, share = bias_of(problem.reduced(weights), np.tensordot(weights**2, added, 1))
-    if not np.any(np.abs(bias) > MATTERS * estimate.std):
-        return estimate, problem
-    left = max(share, LEFT) if estimator.from_triangles and share < MOST else 1.0
-    if left < 1.0:
-        problem = problem.without(bias)
-        estimate = fit(problem, estimator)
     found = NoiseBias(tuple(np.sqrt(np.mean(np.square(noise), axis=0)).tolist()), tuple(bias.tolist()), left)
     grown = spread if left < 1.0 else np.eye(len(bias))
     covariance = grown @ estimate.covariance @ grown.T + left**2 * np.outer(bias, bias)

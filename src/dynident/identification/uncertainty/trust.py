@@ -66,7 +66,8 @@ def with_diagnostics(
         raise BadOption("bootstrap", draws, f"give {FEWEST_DRAWS} draws or more, such as 200")
     problem = with_load(problem, estimate.beta)
     refit = estimator.refit(problem, estimate.run) if draws or (folds and estimator.fits_folds) else None
-    found: dict[str, Any] = diagnose(problem, estimator, estimate.beta, folds, refit).figures()
+    measured = problem if problem.bias is None else replace(problem.without(-problem.bias), bias=None)
+    found: dict[str, Any] = diagnose(measured, estimator, estimate.beta, folds, refit).figures()
     found["bootstrap"] = _bootstrap(estimate, problem, refit, draws) if draws else None
     regressor = RegressorStream(estimate.model, estimate.base, estimate.beta)
     kept = problem.kept
