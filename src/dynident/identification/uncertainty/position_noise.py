@@ -77,7 +77,8 @@ def without_noise(
             return estimate, problem
         left = max(share, LEFT) if estimator.from_triangles and share < MOST else 1.0
         if left < 1.0:
-            estimate, problem = fit(problem.without(bias), estimator), problem.without(bias)
+            clean = problem.without(bias)
+            estimate, problem = fit(clean, estimator), clean
     except DynidentError:  # positions that cannot be prepared with more noise, or a fit without a checked solution
         return estimate, problem
     found = NoiseBias(tuple(np.sqrt(np.mean(np.square(noise), axis=0)).tolist()), tuple(bias.tolist()), left)
