@@ -176,9 +176,15 @@ FAULTS = [
     ),
     (
         ("friction:", "  - presliding", "  - presliding: {element: 2}"),
-        "line 5, friction.2: element = 2 is not possible",
-        "give each a length of its own",
+        "line 5, friction.2: length = 0.003 is not possible",
+        "that of element 1 is 0.003, so that both have the same torque; give each a length of its own",
     ),
+    (
+        ("friction:", "  - presliding: {length: 0.0030001, element: 2}", "  - presliding: {choose: part}"),
+        "line 5, friction.2: length = 0.003 is not possible",
+        "that of element 2 is 0.0030001",
+    ),
+    (("friction:", "  - coulomb", "  - coulomb: {vary: speed}"), "friction.2: vary = 'speed'", "can vary: width"),
     (("friction:", "  - {coulomb: {}, viscous: {}}"), "neither a name nor one name with its options", "write name"),
     (("gravity: [0, 0]",), "line 3, gravity: 3 numbers are needed, not a list of 2", "write a list of 3 numbers"),
     (("gravity: [0, 0, down]",), "gravity.3: 'down' is not a number", "write one plain number"),

@@ -39,6 +39,8 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.load import Load
+from dynident.model.friction.load_directional import LoadDirectional
+from dynident.model.friction.load_stribeck import LoadStribeck
 from dynident.model.friction.offset import Offset
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.temperature import Temperature
@@ -222,6 +224,20 @@ def test_a_problem_without_its_load_is_refused(spatial_3r: Robot, exact_log: Mak
     log = preprocess(exact_log(model, truth(model)), GIVEN)
     with pytest.raises(BadOption, match="rigid bodies"):
         make_problem(model, base_parameters(model), [log])
+
+
+def test_coefficients_that_count_in_combination_alone_are_named(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """Of one velocity and width the directional forms add up to the load-dependent Stribeck effect."""
+    known = DynamicModel(spatial_3r, PARTS)
+    log = exact_log(known, truth(known))
+    for velocity in (0.1, 0.3):
+        twice = (LoadStribeck(0.3, width=0.1), LoadDirectional(velocity, width=0.1))
+        model = DynamicModel(spatial_3r, (*PARTS, *twice))
+        if velocity != 0.3:
+            build_problem(model, [log], GIVEN)
+            continue
+        with pytest.raises(BadOption, match=r"Fls\[joint1\] \+ Fl-\[joint1\].* leave a part of theirs out"):
+            build_problem(model, [log], GIVEN)
 
 
 def test_temperatures_must_be_in_the_log(planar_2r: Robot, exact_log: MakeLog) -> None:

@@ -19,11 +19,12 @@ from dynident.errors import LogMismatch, PoorExcitation
 from dynident.identification.build_problem import build_problem
 from dynident.identification.problem import regressor_stream as observing
 from dynident.identification.problem import thinned_rows
-from dynident.identification.problem.problem import Problem, counting_rows, make_problem, rest_speeds
+from dynident.identification.problem.problem import Problem, check_rank, counting_rows, make_problem, rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of, target_torque
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
+from dynident.model.reduction import Reduced, least_squares
 from dynident.model.robot import Drive, JointLimits, Robot
 
 ARMS = ("pendulum", "planar_2r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
@@ -293,6 +294,23 @@ def test_a_poor_motion_names_what_it_leaves_open(planar_2r: Robot, exact_log: Ma
     assert message.startswith(f"the log determines {caught.value.determined} of 10 base parameters (undetermined: ")
     assert caught.value.determined < 10 and caught.value.wanted == 10
     assert message.endswith("; record a motion that moves all joints fast and far at once, or drop friction terms")
+
+
+@pytest.mark.parametrize(("left", "is_enough"), [(1e-8, False), (1e-7, True)])
+def test_columns_as_alike_as_rounding_of_their_covariance_are_named(
+    planar_2r: Robot, left: float, is_enough: bool
+) -> None:
+    base = base_parameters(model_of(planar_2r, "viscous"))
+    upper = np.eye(base.count)
+    upper[:2, 1] = 1.0, left
+    reduced = Reduced(upper, np.ones(base.count), 1.0, 100)
+    assert least_squares(reduced).condition_number > 1e7
+    if is_enough:
+        check_rank(reduced, base)
+        return
+    with pytest.raises(PoorExcitation) as caught:
+        check_rank(reduced, base)
+    assert all(name in str(caught.value) for name in base.names[:2])
 
 
 def test_reduction_needs_no_rows_of_its_own(planar_2r: Robot, exact_log: MakeLog) -> None:

@@ -360,12 +360,12 @@ def _preprocessing(top: Section) -> Preprocessing:
 def _friction(top: Section, robot: Robot) -> tuple[Friction, ...]:
     """Return the friction parts; the joints that they name are those of the robot."""
     parts = tuple(_parts(top, "friction", FRICTION, default_friction()))
-    guarded(top.place("friction"), lambda: DynamicModel(robot, parts))
     if any(part.vary or part.choose or part.options.get("element", 1) > 1 for part in parts):
         from dynident.case.open_friction import check_part  # the others need none
 
         for i, part in enumerate(parts):
             guarded(top.place(f"friction.{i + 1}"), partial(check_part, part, parts[:i]))
+    guarded(top.place("friction"), lambda: DynamicModel(robot, parts))
     return parts
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from math import isclose
 
 from dynident.errors import BadOption
 from dynident.identification.selection.friction.variable_projection import spans_of
-from dynident.model.friction import Friction
+from dynident.model.friction import WHOLE, Friction
+
+#: Share by which a field of one of two elements has to differ from that of the other.
+APART = 1e-3
 
 
 def check_part(part: Friction, earlier: Sequence[Friction]) -> None:
@@ -23,11 +25,13 @@ def check_part(part: Friction, earlier: Sequence[Friction]) -> None:
     """
     for asked in ("vary", "choose"):
         spans_of(part, asked, fastest=1.0)
-    if part.vary or part.choose or "element" not in part.options:
-        return
-    same: dict[str, Any] = {"element": 1, "joints": None}
-    for other in earlier:
+    own = part.options
+    for other in earlier if "element" in own and "length" in part.ranges else ():
         on = part.joints is None or other.joints is None or set(part.joints) & set(other.joints)
-        if on and type(other) is type(part) and replace(other, **same) == replace(part, **same):
-            step = "elements with the same options have the same torque; give each a length of its own"
-            raise BadOption("element", part.options["element"], step)
+        is_open = {*(part.vary or ()), *(part.choose or ()), *(other.vary or ()), *(other.choose or ())} - {WHOLE}
+        if not on or is_open or type(other) is not type(part) or other.options["element"] == own["element"]:
+            continue
+        if all(isclose(other.options[name], own[name], rel_tol=APART) for name in part.ranges):
+            both = f"that of element {other.options['element']} is {other.options['length']:g}"
+            step = f"{both}, so that both have the same torque; give each a length of its own"
+            raise BadOption("length", own["length"], step)

@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared, Preprocessing, at_rest
-from dynident.errors import LogMismatch, PoorExcitation
+from dynident.errors import BadOption, LogMismatch, PoorExcitation
 from dynident.identification.problem.choices import Choices
 from dynident.identification.problem.kept_rows import KeptRows, kept_rows
 from dynident.identification.problem.prior import BodyPrior
@@ -181,11 +181,12 @@ def make_problem(
         before: Rows of these logs with another load, or without the friction that depends on it.
 
     Raises:
-        BadOption: A friction part needs a load that is not given.
+        BadOption: A friction part needs a load that is not given, or coefficients depend on each other in any motion.
         LogMismatch: A log without the temperatures that a friction part needs, a joint that never moved, or a torque
             that never changed.
         PoorExcitation: The rows do not determine all base parameters.
     """
+    check_friction(base)
     check_temperature(model, logs)
     check_motion(model, logs)
     check_torque(model, logs)
@@ -246,11 +247,12 @@ def _travel(joint: Joint) -> float:
     return min(span, LONGEST_TRAVEL) if 0.0 < span < np.inf else TRAVEL
 
 
-def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) -> None:
+def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1.5e-8) -> None:
     """Check that rows, weighted or chosen in whatever way, determine all base parameters.
 
     Raises:
-        PoorExcitation: A direction with unit columns is below ``tolerance`` of the strongest.
+        PoorExcitation: A direction with unit columns is below ``tolerance`` of the strongest, by default the root of
+            the rounding: beyond that there is no covariance.
     """
     norms = reduced.column_norms
     scale = np.where(norms > 0, norms, 1.0)
@@ -266,6 +268,17 @@ def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) 
         f"undetermined: {'; '.join(names)}",
         "record a motion that moves all joints fast and far at once, or drop friction terms",
     )
+
+
+def check_friction(base: BaseParameters) -> None:
+    """Refuse friction parts whose coefficients count in combination alone, whatever the motion."""
+    grouped = base.matters & np.array([p.kind == "friction" for p in base.parameters])
+    grouped[:, base.independent] = False
+    for row in np.flatnonzero(grouped.any(axis=1)):
+        step = (
+            "no motion tells these coefficients apart; leave a part of theirs out, or state other values of its fields"
+        )
+        raise BadOption("friction", base.names[row], step)
 
 
 def check_temperature(model: DynamicModel, logs: Sequence[Prepared]) -> None:

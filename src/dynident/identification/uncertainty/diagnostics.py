@@ -22,6 +22,7 @@ from dynident.identification.selection.cross_validation import (
     edges_of_logs,
     edges_of_parts,
 )
+from dynident.model.lapack import solve_upper
 from dynident.model.reduction import Reduced, least_squares
 
 if TYPE_CHECKING:
@@ -189,8 +190,8 @@ def whiteness_of(passes: RowPasses, residual: Array, weights: Array) -> Array:
     The periodogram over the filter's power and over what the fit leaves of it is flat for white noise. K independent
     ordinates make autocorrelations of variance 1 / (2 K).
     """
-    inverse = least_squares(passes.problem.reduced(weights)).unscaled_covariance
-    root = np.linalg.cholesky(inverse)
+    upper = passes.problem.reduced(weights).r
+    root = solve_upper(upper, np.eye(len(upper)))
     joints = residual.shape[1]
     total, degrees = np.zeros(joints), 0
     for band in bands(passes):
@@ -198,7 +199,7 @@ def whiteness_of(passes: RowPasses, residual: Array, weights: Array) -> Array:
         lags = min(LAGS, len(inside) // PER_LAG)
         if lags < 1:
             continue
-        flat = band.rows.reshape(-1, len(inverse)) @ root
+        flat = band.rows.reshape(-1, len(upper)) @ root
         lever = weights**2 * np.sum(np.abs(flat) ** 2, axis=1).reshape(len(band.shape), -1)
         left = band.shape[:, None] * np.clip(1.0 - lever, 0.1, 1.0)
         power = (np.abs(band.transformed(residual)) ** 2 / left)[inside]

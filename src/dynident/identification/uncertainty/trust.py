@@ -69,29 +69,15 @@ def with_diagnostics(
     measured = problem if problem.bias is None else replace(problem.without(-problem.bias), bias=None)
     found: dict[str, Any] = diagnose(measured, estimator, estimate.beta, folds, refit).figures()
     found["bootstrap"] = _bootstrap(estimate, problem, refit, draws) if draws else None
-    regressor = RegressorStream(estimate.model, estimate.base, estimate.beta)
-    kept = problem.kept
-    spread = np.concatenate(
-        [
-            prediction_deviations(regressor, log, estimate.covariance, kept and kept.of_log(k))
-            for k, log in enumerate(problem.logs)
-        ]
-    )
-    return replace(
-        estimate,
-        diagnostics=found,
-        train=replace(estimate.train, deviations=spread, noise=estimate.joint_deviations),
-        standard_deviations=None
-        if estimate.theta is None
-        else _standard_deviations(estimate, problem, estimator.prior_pull),
-    )
-
-
-def _standard_deviations(estimate: Estimate, problem: Problem, pull: float) -> Array | None:
-    """Return those of the standard parameters, shape (p,); None where the estimate has none."""
-    if estimate.theta is None:
-        return None
-    return np.sqrt(np.maximum(np.diag(standard_covariance(estimate, problem, pull)), 0.0))
+    regressor, kept = RegressorStream(estimate.model, estimate.base, estimate.beta), problem.kept
+    of_rows = [(log, kept and kept.of_log(k)) for k, log in enumerate(problem.logs)]
+    spread = np.concatenate([prediction_deviations(regressor, log, estimate.covariance, own) for log, own in of_rows])
+    deviations = None
+    if estimate.theta is not None:
+        variances = np.diag(standard_covariance(estimate, problem, estimator.prior_pull))
+        deviations = np.sqrt(np.maximum(variances, 0.0))
+    train = replace(estimate.train, deviations=spread, noise=estimate.joint_deviations)
+    return replace(estimate, diagnostics=found, train=train, standard_deviations=deviations)
 
 
 def _bootstrap(

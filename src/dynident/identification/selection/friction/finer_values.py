@@ -70,7 +70,8 @@ def finer_values(
             at = np.clip(at + way, low, high)
             slope = -2.0 * float((at - best) @ curves @ step)
         else:
-            at = best + (at - best) * np.clip(slope / (2.0 * (slope - loss + least)), SHORTEST, 0.5)
+            share = float(np.clip(slope / (2.0 * (slope - loss + least)), SHORTEST, 0.5))
+            at, slope = best + (at - best) * share, slope * share
         if np.all(np.abs(at - best) < np.maximum(SETTLED, UNSURE * deviations)):
             break
     return np.exp(best), deviations
