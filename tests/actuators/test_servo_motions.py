@@ -17,7 +17,9 @@ from dynident.actuators.command_files import CommandFile, ServoMotions
 from dynident.actuators.estimate import write_actuators
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.joint_load import measured_loads, with_payload
+from dynident.actuators.nominal_servo import of_limits
 from dynident.actuators.parameters import PLACE
+from dynident.actuators.servo_excitation import MotionRequest, servo_excitation
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.api.servo_motions import servo_motions
@@ -106,6 +108,23 @@ def test_estimates_lie_within_the_promised_intervals(folder: Path) -> None:
     case = read_case("case.yaml")
     ratios = np.concatenate(list(errors(servo_motions(case, gains=(4.0,)), case, range(2)).values()))
     assert len(ratios) == 14 and 0.1 < ratios.max() < 1.5
+
+
+def test_half_widths_of_a_servo_near_a_bound_are_those_of_one_further_off(folder: Path) -> None:
+    """Friction grows by 0.42 and 0.499 of the load, the bound is 0.5: half widths differ by less than half."""
+    robot, case = read_robot("pendulum.urdf"), read_case("case.yaml")
+    assert case.servo is not None
+    widths = []
+    for share in (0.42, 0.499):
+        servo = of_limits(robot.joints[0], case.servo.laws[0], "m3", 4.0, True)
+        values = servo.parameters.copy()
+        values[[PLACE["load_motor"], PLACE["load_external"]]] = share
+        near = replace(servo, parameters=values)
+        (found,) = servo_excitation(robot, lambda *_, own=near: own, MotionRequest(gains=(4.0,)))
+        known = found.best("load_motor")
+        assert known is not None and known.label == "identified"
+        widths.append(known.half_width)
+    assert 0.67 < widths[1] / widths[0] < 1.5
 
 
 @pytest.mark.battery

@@ -360,11 +360,15 @@ def _average(problem: ServoProblem, parameters: Array) -> tuple[ServoProblem, Ar
 
     Where a joint comes to rest between two steps of the encoder decides which errors repeat. That changes from one
     servo to the next, and the half widths of their intervals with it, by a factor of two and more.
+    A parameter that would leave its bounds is moved the other way: at a bound its variance would count as 0.
     """
     random, values, found = np.random.default_rng(0), parameters[problem.places], []
+    lower, upper = problem.bounds()
     step = encoder_step(problem.records)
     for _ in range(_NEIGHBOURS):
-        near = problem.full(values * random.normal(1.0, _NEAR, len(values)), parameters)
+        beside = values * random.normal(1.0, _NEAR, len(values))
+        beside = np.where((beside < lower) | (beside > upper), 2.0 * values - beside, beside)
+        near = problem.full(beside, parameters)
         records = []
         for record in problem.records:
             q = rolled_out(record, near).q
