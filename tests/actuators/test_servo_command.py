@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from servo_bench import CASE_OF_LOGS, PENDULUM, fill
 
+from dynident.api.actuators import logs_of_servos
+from dynident.case.case import read_case
 from dynident.cli.main import main
 from dynident.model.robot import Robot
 
@@ -111,6 +113,28 @@ def test_init_asks_which_counts_they_are(folder: Path) -> None:
     text = Path("raw.yaml").read_text()
     assert "counts: ask" in text and "position: ask" not in text and "enabled: torque_enable" in text
     assert "q: [present_position]" in text and "q_ref: [goal_position]" in text
+
+
+def test_json_of_bam_is_a_log_as_any_other(folder: Path) -> None:
+    """A draft of one file, and a folder with a file of other JSON beside the logs; the logs state gain and torque."""
+    Path("bam").mkdir()
+    Path("bam/plan.json").write_text('{"kp": 4}')
+    for name in ("chirp", "drop"):
+        entries = [
+            {"timestamp": t, "position": q, "goal_position": goal, "torque_enable": bool(on)}
+            for t, q, goal, on in np.loadtxt(f"{name}_kp4.csv", delimiter=",", skiprows=1).tolist()
+        ]
+        Path(f"bam/{name}.json").write_text(json.dumps({"kp": 4, "entries": entries}))
+    assert main(["init", "pendulum.urdf", "bam/drop.json", "-o", "drafted.yaml"]) == 0
+    text = Path("drafted.yaml").read_text()
+    assert "kp: kp" in text and "enabled: torque_enable" in text
+    Path("short.yaml").write_text("case: 2\nrobot: pendulum.urdf\nservo: {law: feetech_sts3215}\ntrain: bam\n")
+    (drafted,), _ = logs_of_servos(read_case("drafted.yaml"))
+    logs, _ = logs_of_servos(read_case("short.yaml"))
+    assert [Path(log.name).name for log in logs] == ["chirp.json", "drop.json"]
+    for name in ("time", "q", "q_ref", "enabled", "kp"):
+        assert np.array_equal(getattr(drafted, name), getattr(logs[1], name)), name
+    assert logs[1].kp == 4 and not logs[1].enabled.all()
 
 
 def test_init_drafts_the_case_of_such_logs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

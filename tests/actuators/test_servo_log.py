@@ -53,6 +53,7 @@ REGISTERS: dict[str, Callable[[int], int]] = {
     "dynamixel": lambda n: int.from_bytes(n.to_bytes(4, "little", signed=True), "little"),
     "dynamixel_mx": lambda n: int.from_bytes(n.to_bytes(2, "little", signed=True), "little"),
     "feetech": lambda n: n if n >= 0 else -n | 0x8000,
+    "feetech_complement": lambda n: n % 2**16,
 }
 
 

@@ -14,8 +14,10 @@ pytest.importorskip("rosbags", reason="recordings of ROS need the package rosbag
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from dynident.actuators.servo_log import ServoLog
 from dynident.api.actuators import actuators, logs_of_servos
 from dynident.case.case import read_case
+from dynident.cli.main import main
 from dynident.model.robot import Robot
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
@@ -35,16 +37,13 @@ train: run.mcap
 """
 
 
-def test_states_and_commands_of_a_recording(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    log = virtual_logs(robot, parameters(), gains=(4.0,))[0]
+def record(log: ServoLog, topic: str, effort: float | None = None) -> None:
+    """Write run.mcap: states of the joint, with an effort if there is one, and its commands on a topic of their own."""
     types, empty = STORE.types, np.zeros(0)
     layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
-    with Writer(tmp_path / "rec", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        kinds = {
-            "/joint_states": "sensor_msgs/msg/JointState",
-            "/position_controller/commands": "std_msgs/msg/Float64MultiArray",
-        }
+    efforts = empty if effort is None else np.array([effort])
+    with Writer("rec", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        kinds = {"/joint_states": "sensor_msgs/msg/JointState", topic: "std_msgs/msg/Float64MultiArray"}
         topics = {name: writer.add_connection(name, kind, typestore=STORE) for name, kind in kinds.items()}
 
         def write(topic: str, stamp: int, message: Any) -> None:
@@ -54,21 +53,40 @@ def test_states_and_commands_of_a_recording(robot: Robot, tmp_path: Path, monkey
             stamp = FIRST + round(time * 1e9)
             moment = types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
             head = types["std_msgs/msg/Header"](stamp=moment, frame_id="")
-            write(
-                "/joint_states",
-                stamp,
-                types["sensor_msgs/msg/JointState"](head, ["joint1"], np.array([q]), empty, empty),
-            )
-            write(
-                "/position_controller/commands",
-                stamp,
-                types["std_msgs/msg/Float64MultiArray"](layout, np.array([q_ref])),
-            )
-    (tmp_path / "rec" / "rec.mcap").rename("run.mcap")
+            state = types["sensor_msgs/msg/JointState"](head, ["joint1"], np.array([q]), empty, efforts)
+            write("/joint_states", stamp, state)
+            write(topic, stamp, types["std_msgs/msg/Float64MultiArray"](layout, np.array([q_ref])))
+    Path("rec/rec.mcap").rename("run.mcap")
     Path("pendulum.urdf").write_text(PENDULUM)
+
+
+def test_states_and_commands_of_a_recording(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = virtual_logs(robot, parameters(), gains=(4.0,))[0]
+    record(log, "/position_controller/commands")
     Path("case.yaml").write_text(CASE)
     ((found,), _) = logs_of_servos(read_case("case.yaml"))
     np.testing.assert_allclose(found.q, log.q, atol=1e-12)
     np.testing.assert_allclose(found.q_ref, log.q_ref, atol=1e-12)
     np.testing.assert_allclose(found.time, log.time - log.time[0] + found.time[0], atol=1e-6)
     assert actuators("case.yaml").joints[0].value("armature") == pytest.approx(0.012, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("topic", "effort"), [("/position_controller/commands", None), ("/arm/commands", np.nan), ("/arm/commands", 0.3)]
+)
+def test_init_finds_the_topic_of_the_commands(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topic: str, effort: float | None
+) -> None:
+    """Where the states have efforts, the case is for them."""
+    monkeypatch.chdir(tmp_path)
+    log = virtual_logs(robot, parameters(), gains=(4.0,))[0]
+    record(log, topic, effort)
+    assert main(["init", "pendulum.urdf", "run.mcap", "-o", "case.yaml"]) == 0
+    case = read_case("case.yaml")
+    if effort == 0.3:
+        assert case.servo is None and case.columns.torque == ("joint1.effort",)
+        return
+    ((found,), _) = logs_of_servos(case)
+    np.testing.assert_allclose(found.q, log.q, atol=1e-12)
+    np.testing.assert_allclose(found.q_ref, log.q_ref, atol=1e-12)

@@ -222,4 +222,5 @@ COUNTS: Final = {
     "feetech": CountCoding(
         _4096, 2048, sign_bit=15, source="STS/SMS control table: Present_Position has its sign in bit 15"
     ),
+    "feetech_complement": CountCoding(_4096, 2048, 16, source="the same, as a recorder of 16-bit integers writes it"),
 }

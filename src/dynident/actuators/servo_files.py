@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +16,7 @@ from dynident.arrays import Array
 from dynident.data.formats import open_log
 from dynident.data.formats.base import missing_column
 from dynident.data.split import EPISODE, episode_rows
-from dynident.errors import FileError, LogFormatError, LogMismatch
+from dynident.errors import LogFormatError, LogMismatch
 from dynident.simulation.effects import Payload
 
 #: Measured positions may leave the calibrated range by this factor.
@@ -26,7 +24,7 @@ _MOST_SHARE = 1.2
 
 
 def read_servo_logs(path: str | Path, how: ServoColumns) -> list[ServoLog]:
-    """Return the logs of commanded and measured positions of a file; BAM JSON by its suffix, else any format of logs.
+    """Return the logs of commanded and measured positions of a file of any format of logs.
 
     A file has one, or one for each recording that its column ``episode_index`` tells apart.
 
@@ -36,8 +34,6 @@ def read_servo_logs(path: str | Path, how: ServoColumns) -> list[ServoLog]:
             drive is never on, or the gain of the log is not stated.
     """
     payload = payload_of(path, how.payloads)
-    if str(path).lower().endswith(".json"):
-        return [replace(checked_log(_bam_log(path, how)), payload=payload)]
     whole, numbers = _table_log(path, how)
     whole = replace(whole, payload=payload)
     parts = episode_rows(numbers) if len(numbers) else []
@@ -60,6 +56,8 @@ def read_servo_logs(path: str | Path, how: ServoColumns) -> list[ServoLog]:
 
 def _table_log(path: str | Path, how: ServoColumns) -> tuple[ServoLog, Array]:
     """Return a table as one log, not checked, and the number of the episode of each sample, (N,); (0,) without one."""
+    if str(path).lower().endswith(".json"):
+        how = _columns_of_bam(path, how)
     table = open_log(path, how.columns)
     names, count = how.columns, len(how.joints)
     order = _order(how)
@@ -106,6 +104,19 @@ def _table_log(path: str | Path, how: ServoColumns) -> tuple[ServoLog, Array]:
         dq=names.to_si("dq", chosen(speeds)) if speeds else None,
     )
     return log, chosen([EPISODE])[:, 0] if EPISODE in place else np.zeros(0)
+
+
+def _columns_of_bam(path: str | Path, how: ServoColumns) -> ServoColumns:
+    """Return the columns of a log of BAM, which states torque, voltage and gain by itself.
+
+    Raises:
+        LogMismatch: The robot has several joints.
+    """
+    if len(how.joints) != 1:
+        step = "lock the other joints (locked: rest, joints: [...]), or log the whole arm as a table"
+        raise LogMismatch(str(path), f"one servo, and the robot has {len(how.joints)} joints", step)
+    own = replace(how.columns, time="t", q=None, dq=None, q_ref=None, dq_ref=None, form="bam", form_options=())
+    return replace(how, columns=own, enabled=("torque_enable",), supply="input_volts")
 
 
 def _order(how: ServoColumns) -> list[int]:
@@ -175,6 +186,8 @@ def _check_shares(path: str | Path, joints: Sequence[str], signal: str, values: 
 
 
 def _kp_column(how: ServoColumns, header: Sequence[str]) -> str:
+    if how.kp is None and how.columns.form == "bam":
+        return "kp" if "kp" in header else ""
     return how.kp if isinstance(how.kp, str) and "{}" not in how.kp and how.kp in header else ""
 
 
@@ -199,46 +212,3 @@ def kp_of(path: str | Path, kp: float | str | Mapping[str, float] | None) -> flo
         if Path(key).name == name:
             return float(value)
     raise LogMismatch(str(path), "the case file states no kp for it", "add it under servo: {kp: {...}}")
-
-
-def _bam_log(path: str | Path, how: ServoColumns) -> ServoLog:
-    """Return a log of the JSON that Rhoban BAM records: entries of position, goal_position, torque_enable."""
-    try:
-        data: Any = json.loads(Path(path).read_text(encoding="utf-8"))
-        entries = data["entries"]
-        signals = {
-            name: np.array([float(entry.get(name, fallback)) for entry in entries])
-            for name, fallback in (
-                ("timestamp", np.nan),
-                ("position", np.nan),
-                ("goal_position", np.nan),
-                ("torque_enable", 1.0),
-                ("input_volts", np.nan),
-            )
-        }
-    except OSError as error:
-        raise FileError(path, str(error.strerror), "name a file that can be read") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        step = "logs of BAM have 'entries', each with timestamp, position, goal_position and torque_enable"
-        raise LogFormatError(path, None, f"no log of BAM ({type(error).__name__}: {error})", step) from error
-    if len(how.joints) != 1:
-        step = "lock the other joints (locked: rest, joints: [...]), or log the whole arm as a table"
-        raise LogMismatch(str(path), f"one servo, and the robot has {len(how.joints)} joints", step)
-    time, rows = signals["timestamp"], len(entries)
-    if np.isnan(time).all() and "dt" in data:
-        time = np.arange(rows) * float(data["dt"])
-    kp = how.kp if how.kp is not None else data.get("kp")
-    return ServoLog(
-        name=str(path),
-        joints=how.joints,
-        time=time,
-        q=signals["position"][:, None],
-        q_ref=signals["goal_position"][:, None],
-        dq_ref=np.zeros((rows, 1)),
-        added=np.zeros((rows, 1)),
-        enabled=signals["torque_enable"][:, None] > 0.5,
-        supply=_supply(how, signals["input_volts"]),
-        failed=np.zeros((rows, 1), dtype=bool),
-        kp=kp_of(path, float(kp) if isinstance(kp, int | float) else kp),
-        path=str(path),
-    )

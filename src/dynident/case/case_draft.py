@@ -16,6 +16,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.draft.case_text import Files, case_text
 from dynident.case.draft.column_groups import split_time
+from dynident.case.draft.command_topics import command_topics, recording
 from dynident.case.draft.joint_choice import outside_limits
 from dynident.case.draft.profile_fit import fitting_profiles
 from dynident.case.draft.readings import long_gap, opened
@@ -177,6 +178,10 @@ def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> t
         inside = ", ".join(f"{key}: {value}" for key, value in options.items())
         return [opened(log, made) for log in logs], f"format: {f'{{{form}: {{{inside}}}}}' if options else form}"
     first: LogFormatError
+    topics = command_topics(logs[0])
+    if topics:
+        found = [recording(log, topics) for log in logs]
+        return [table for table, _ in found], found[0][1]
     try:
         tables = [opened(log) for log in logs]
         numbers = _numbers(tables[0])
@@ -200,7 +205,7 @@ def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> t
 
 def _summed(tables: Sequence[LogTable]) -> list[LogTable]:
     """Return the tables with a time that is the sum of two columns, where whole seconds and parts of one say so."""
-    parts = split_time(tables[0].header)
+    parts = None if tables[0].has_frames else split_time(tables[0].header)
     if parts is None or any(not {name for name, _ in parts} <= set(table.header) for table in tables):
         return list(tables)
     (whole, _), (part, unit) = parts

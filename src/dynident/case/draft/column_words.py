@@ -34,7 +34,8 @@ SIGNAL = {word: signal for signal, words in WORDS.items() for word in words}
 
 _KINDS = {
     "measured": "actual act meas measured msr sensor present real encoder enc fb feedback ist".split(),
-    "commanded": "des desired cmd command commanded ref reference target set setpoint sp goal planned soll d".split(),
+    "commanded": "des desired cmd command commands commanded ref reference target set setpoint sp goal planned soll "
+    "d".split(),
     "model": "model est estimated ext external hat predicted pred sim residual friction gravity coriolis ff "
     "disturbance interaction collision contact compensate compensation comp".split(),
 }

@@ -19,6 +19,7 @@ from dynident.case.draft.column_words import (
     split_unit,
     tokens_of,
 )
+from dynident.case.draft.command_topics import by_places
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.structure import TableStructure
@@ -81,10 +82,10 @@ def command_pair(header: Sequence[str], joints: Sequence[str]) -> dict[str, Grou
 
 
 def by_commands(found: Recognised) -> Recognised:
-    """Return measured and commanded positions that a word for the command alone tells apart, if there are such."""
+    """Return measured and commanded positions that a word for the command, or a topic, alone tells apart, if any."""
     groups = command_pair(found.header, found.robot.joint_names)
     if not groups or not found.time:
-        return found
+        return by_places(found)
     how = {"q": "measured, by their names", "q_ref": "commanded, by their names"}
     sources = {signal: SignalSource(group.names, "", "link", how[signal]) for signal, group in groups.items()}
     joints = choose_joints(found.robot, groups["q"], np.zeros((1, groups["q"].count)))

@@ -91,6 +91,8 @@ def servo_lines(found: Recognised, logs: Sequence[str]) -> list[str]:
     prefixes = [match and match[0] for match in (_GAIN.search(Path(log).name) for log in logs)]
     if prefixes and prefixes[0] and set(prefixes) == {prefixes[0]}:
         lines.append(f"  kp: {quoted(prefixes[0] + '{}')}   # the number after {prefixes[0]} in the name of each log")
+    elif "kp" in found.header:
+        lines.append("  kp: kp   # by its name")
     else:
         lines.append(offered("  kp: unknown", "which position gain is set in the drive? A number, or a column"))
     enabled = [name for name in found.header if ENABLED.fullmatch(name)]

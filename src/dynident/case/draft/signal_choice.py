@@ -57,8 +57,8 @@ def choose_signals(groups: Sequence[Group], joints: int, effort_only: bool = Fal
         best = _best([g for g in told if _same_joints(g, first)], joints)
         if len(best) == 1:
             chosen[f"{signal}_ref"] = best[0]
-    read = list(chosen.values())
-    return SignalChoice(chosen, rivals, tuple((group, why) for group, why in refused if group not in read))
+    read = {name for group in chosen.values() for name in group.names}
+    return SignalChoice(chosen, rivals, tuple((group, why) for group, why in refused if not read & set(group.names)))
 
 
 def _why_refused(group: Group) -> str:

@@ -15,7 +15,7 @@ from dynident.data.log import Log
 from dynident.errors import LogFormatError
 from dynident.plugins import Family
 
-FORMATS: Family[LogFormat] = Family("dynident.data.formats", LogFormat, "log format")  # type: ignore[type-abstract]
+FORMATS: Family[LogFormat] = Family("dynident.data.formats", LogFormat, "log format", ("dynident.actuators.formats",))
 
 __all__ = [
     "FORMATS",
@@ -141,8 +141,7 @@ def _chosen(path: str | Path, form: str | LogFormat | None) -> LogFormat:
     for name in FORMATS.names():
         if FORMATS.get(name).takes(path):
             return FORMATS.make(name)
-    suffixes = {name: ", ".join(FORMATS.get(name).suffixes) or "by name only" for name in FORMATS.names()}
-    known = "; ".join(f"{name} ({text})" for name, text in suffixes.items())
+    known = "; ".join(f"{name} ({', '.join(FORMATS.get(name).suffixes) or 'by name only'})" for name in FORMATS.names())
     suffix = Path(path).suffix.lower()
     step = "unpack it first" if suffix in _PACKED else f"the formats are: {known}"
     what = f"no log format has the suffix '{suffix}'" if suffix or os.path.exists(path) else "no such file"

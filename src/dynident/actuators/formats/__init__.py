@@ -1,0 +1,1 @@
+"""Log formats of servos alone: parts of the family of dynident.data.formats."""
