@@ -43,6 +43,7 @@ def test_each_fault_is_found(log: ServoLog) -> None:
     assert names(changed(kp=200.0)) == [("error", "saturated")]
     coarse = np.round(log.q / 0.05) * 0.05
     assert names(changed(q=coarse)) == [("warning", "quantisation")]
+    assert names(changed(q=0.3 + 0.0 * log.q)) == [("error", "no motion")]
     assert names(changed(enabled=log.enabled | True)) == [("note", "no free swing")]
 
 

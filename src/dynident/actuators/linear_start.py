@@ -247,7 +247,12 @@ def _regression(
         matrix, target = np.concatenate(blocks), np.concatenate(targets)
         if len(matrix) < _FEWEST:
             many = ", ".join(dict.fromkeys(one.log.name for one in rows[:4]))
-            evidence = f"only {len(matrix)} samples of {rows[0].log.joints[rows[0].joint]} move without saturation"
+            name = rows[0].log.joints[rows[0].joint]
+            moving = sum(int(np.sum(np.abs(one.motion.dq[:, one.joint]) > REST)) for one in rows)
+            if moving < _FEWEST:
+                step = "log motions of tens of degrees with the drive on, and check the column of its position"
+                raise LogMismatch(many, f"{name} moves in {moving} samples only", step)
+            evidence = f"only {len(matrix)} samples of {name} move without saturation"
             step = "log slower or smaller motions, or a lower kp, so that the duty stays below its limit"
             raise LogMismatch(many, evidence, step)
         factor = np.asarray(np.linalg.qr(np.column_stack([matrix, target]), mode="r"))

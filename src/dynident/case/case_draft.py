@@ -290,7 +290,8 @@ def _remarks(found: Recognised) -> list[str]:
     if is_servo_log(found):
         remarks.append(servo_remark(found))
     elif not found.effort and not {"torque", "current"} & found.rivals.keys():
-        remarks.append(f"no torques and no currents: nothing can be identified without one of them{_ELSEWHERE}")
+        told = "nothing can be identified without one of them, or the commanded positions of position servos"
+        remarks.append(f"no torques and no currents: {told}{_ELSEWHERE}")
     return remarks + _against(found)
 
 

@@ -17,6 +17,9 @@ _FAILED, _ALL_SATURATED, _MUCH_SATURATED = 0.005, 0.9, 0.3
 #: Positions with fewer steps of the encoder over their travel are coarse.
 _COARSE = 60
 
+#: A command that spans this many rad or m moves its joint.
+_COMMANDED = 0.05
+
 #: A gap in time is this many median steps.
 _GAP = 8.0
 
@@ -74,7 +77,10 @@ def _saturated(log: ServoLog, joint: int, law: DriveLaw) -> list[Finding]:
 def _coarse(log: ServoLog, joint: int) -> list[Finding]:
     levels = np.unique(np.round(log.q[~log.failed[:, joint], joint], 9))
     if len(levels) < 3:
-        return []
+        told = float(np.ptp(log.q_ref[:, joint]))
+        evidence = f"its position does not change, and its command spans {told:.3g} rad"
+        remedy = "check the column of its position, and whether the drive is on and free to move"
+        return [Finding("error", "no motion", log.joints[joint], evidence, remedy)] if told > _COMMANDED else []
     step = float(np.median(np.diff(levels)))
     count = float(np.ptp(levels)) / step
     if count >= _COARSE:
