@@ -14,9 +14,12 @@ from scipy.stats import norm
 from servo_bench import PENDULUM, write_csv
 
 from dynident.actuators.command_files import CommandFile, ServoMotions
+from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import write_actuators
-from dynident.actuators.identify import identify_actuators
-from dynident.actuators.joint_load import measured_loads, with_payload
+from dynident.actuators.identify import first_logs, identify_actuators
+from dynident.actuators.joint_fit import JointData
+from dynident.actuators.joint_load import measured_loads, measured_motion, with_payload
+from dynident.actuators.linear_start import StartRows, start_rows
 from dynident.actuators.nominal_servo import of_limits
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.servo_excitation import MotionRequest, servo_excitation
@@ -135,6 +138,37 @@ def test_promised_half_widths_are_those_of_the_errors(folder: Path) -> None:
     sizes = {name: float(norm.ppf(0.975) * np.sqrt(np.mean(np.square(own)))) for name, own in found.items()}
     assert all(1 / 1.4 < size < 1.4 for size in sizes.values()), sizes
     assert np.mean(np.concatenate(list(found.values())) <= 1.0) > 0.92
+
+
+def test_what_is_searched_first_has_every_motion_of_every_joint(folder: Path) -> None:
+    """Of 36 logs, each with one joint in motion: its drive is off in one of each joint, two of each have a payload."""
+    robot, law, time = read_robot("desk.urdf"), preset("feetech_sts3215"), np.arange(0.0, 6.0, 0.02)
+    rows: list[list[StartRows]] = [[], []]
+    for k in range(36):
+        q, enabled = np.tile([0.0, 1.5], (len(time), 1)), np.ones((len(time), 2), dtype=bool)
+        q[:, k % 2] += 0.4 * np.sin(3.0 * time)
+        enabled[:, k % 2] = time < 4.0 if k in (10, 21) else True
+        payload = Payload(0.1, (0.05, 0.0, 0.0)) if k in (4, 7, 28, 33) else None
+        log = ServoLog(
+            f"{k}",
+            robot.joint_names,
+            time,
+            q,
+            q,
+            0 * q,
+            0 * q,
+            enabled,
+            np.ones(len(time)),
+            q > 9,
+            4.0,
+            payload=payload,
+        )
+        smooth = measured_motion(log)
+        for joint, load in enumerate(measured_loads(robot, log, smooth)):
+            rows[joint].append(start_rows(log, joint, load, smooth, law))
+    chosen = first_logs([JointData(one[0].log.joints[k], law, (), (), tuple(one)) for k, one in enumerate(rows)])
+    assert chosen == sorted(set(chosen)) and 10 <= len(chosen) <= 14
+    assert {10, 21} <= set(chosen) and {4, 28} & set(chosen) and {7, 33} & set(chosen)
 
 
 @pytest.mark.parametrize("pose", [None, (0.5, 1.3), (-1.0, 2.0)])

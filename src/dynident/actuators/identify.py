@@ -11,7 +11,7 @@ from dynident.actuators.arm_bodies import free_bodies, stated_bodies
 from dynident.actuators.arm_coupling import Arm
 from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, SOME_TURNS, finished, settled, turned
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
-from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit, richer_fit
+from dynident.actuators.joint_fit import OFF_S, JointData, JointFit, at_ratio, first_fit, richer_fit
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
 from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
@@ -24,6 +24,9 @@ from dynident.model.robot import Robot
 
 #: Logs of this length in s all is found from first: delay, gain, friction, zeros of the encoders.
 FIRST_S = 60.0
+
+#: Logs with this share of the most motion of a joint are drawn from.
+_NEAR_MOST = 0.5
 
 
 def identify_actuators(
@@ -74,7 +77,7 @@ def identify_actuators(
             data = data.while_on()
         datas.append(data)
     arm = Arm(robots, measured, ends, motions, datas, [], [])
-    arm, bodies = _fitted(arm, _first_logs(train, robot.dof), setup.friction, progress), None
+    arm, bodies = _fitted(arm, first_logs(datas), setup.friction, progress), None
     if setup.bodies:
         arm, bodies = free_bodies(arm, robot, setup, logs, progress)
     arm, spreads = finished(arm, progress)
@@ -82,19 +85,30 @@ def identify_actuators(
     return ActuatorEstimate(robot.name, tuple(joints), bodies=bodies)
 
 
-def _first_logs(logs: Sequence[ServoLog], joints: int) -> list[int]:
-    """Return the logs that all is found from first, at least FIRST_S; all of them for a single joint.
+def first_logs(datas: Sequence[JointData]) -> list[int]:
+    """Return the training logs that all is found from first, at least FIRST_S; all of them for a single joint.
 
-    Drawn, but with the share of logs in which drives are off that all of them have.
+    Drawn one by one, from those with most motion of the joint, without or with a payload or its drive off, of which the
+    logs before have the least share. They have some of each of these motions, as back-EMF stands on the drive that is
+    off, and the scale of the torques on the payload.
     """
-    seconds = np.array([log.time[-1] - log.time[0] for log in logs])
-    order, ranks = np.random.default_rng(0).permutation(len(logs)), np.empty(len(logs))
-    is_off = np.array([not log.enabled.all() for log in logs])
-    for group in (order[is_off[order]], order[~is_off[order]]):
-        ranks[group] = (np.arange(len(group)) + 0.5) / max(len(group), 1)
-    order = order[np.argsort(ranks[order], kind="stable")]
-    count = int(np.searchsorted(np.cumsum(seconds[order]), FIRST_S)) + 1
-    return sorted(order[:count].tolist()) if joints > 1 else list(range(len(logs)))
+    rows = datas[0].rows
+    seconds = np.array([one.log.time[-1] - one.log.time[0] for one in rows])
+    payloads = list(dict.fromkeys(one.log.payload for one in rows))
+    carries = np.array([[one.log.payload == payload for payload in payloads] for one in rows])
+    kinds = [np.hstack([on[:, None] * carries, off[:, None]]) for on, off in (one.motion_seconds().T for one in datas)]
+    motion = np.hstack(kinds)
+    whole = np.maximum(motion.sum(axis=0), 1e-9)
+    chosen, left = list[int](), np.random.default_rng(0).permutation(len(seconds))
+    while len(left):
+        found = motion[chosen].sum(axis=0)
+        if len(datas) > 1 and seconds[chosen].sum() >= FIRST_S and np.all((found > OFF_S) | (whole <= OFF_S)):
+            break
+        scarce = motion[left, int(np.argmin(found / whole))]
+        place = int(np.argmax(scarce >= _NEAR_MOST * scarce.max()))
+        chosen.append(int(left[place]))
+        left = np.delete(left, place)
+    return sorted(chosen)
 
 
 def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[str], None]) -> Arm:

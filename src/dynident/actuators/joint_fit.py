@@ -10,7 +10,15 @@ import numpy as np
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.joint_load import JointLoad
-from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, linear_start, refinable, start_at
+from dynident.actuators.linear_start import (
+    REST,
+    LinearStart,
+    StartRows,
+    free_parameters,
+    linear_start,
+    refinable,
+    start_at,
+)
 from dynident.actuators.output_error import RefineEffort, ServoProblem, output_error, refined, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import ROUGH_STEP, SEARCH, SEARCH_STEP, JointRecord, rolled_out, started
@@ -28,8 +36,9 @@ SEPARATES, SATURATED = 0.05, 0.01
 #: A slew limit of the goal that is faster than the fastest motion by this factor is none.
 NO_LIMIT = 10.0
 
-#: Shortest time in s with the drive off and the joint in motion that tells back-EMF from viscous friction.
-OFF_S = 0.2
+#: Shortest time in s with the drive off and the joint in motion, and its least speed in rad/s, that tells back-EMF from
+#: viscous friction.
+OFF_S, OFF_SPEED = 0.2, 0.2
 
 
 @dataclass(frozen=True)
@@ -90,11 +99,16 @@ class JointData:
     @property
     def has_off(self) -> bool:
         """Whether the drive is off during motion for long enough to tell back-EMF from viscous friction."""
-        seconds = 0.0
+        return bool(self.motion_seconds()[:, 1].sum() > OFF_S)
+
+    def motion_seconds(self) -> Array:
+        """Return for how long in s the joint moves in each training log, drive on and drive off, shape (logs, 2)."""
+        found = []
         for one in self.rows:
-            moving = (one.on < 0.5) & (np.abs(one.motion.dq[:, one.joint]) > 0.2)
-            seconds += float(moving.sum()) * (one.motion.time[1] - one.motion.time[0])
-        return seconds > OFF_S
+            speed, is_off = np.abs(one.motion.dq[:, one.joint]), one.on < 0.5
+            counts = [np.sum(~is_off & (speed > REST)), np.sum(is_off & (speed > OFF_SPEED))]
+            found.append((one.motion.time[1] - one.motion.time[0]) * np.array(counts))
+        return np.array(found)
 
 
 @dataclass(frozen=True)
