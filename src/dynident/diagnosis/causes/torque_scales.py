@@ -17,6 +17,7 @@ from dynident.arrays import Array
 from dynident.diagnosis.causes.column_readings import GOOD
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.line_search import Found, Search, lowest_near, run, side_by_side
+from dynident.diagnosis.causes.model_error import ModelError
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.weighted_fit import RIDGE
 from dynident.identification.residuals.covariance import correlation_factors
@@ -132,10 +133,11 @@ def _scales(fit: QuickFit, joints: Iterable[int]) -> tuple[JointScale, ...]:
             own[joint] -= 2 * x
         return list(found)
 
-    return tuple(run(side_by_side([_scale(fit, joint) for joint in joints]), logs))
+    error = ModelError.of_fit(fit)
+    return tuple(run(side_by_side([_scale(fit, joint, error) for joint in joints]), logs))
 
 
-def _scale(fit: QuickFit, joint: int) -> Search[tuple[int, float], Array, JointScale]:
+def _scale(fit: QuickFit, joint: int, error: ModelError) -> Search[tuple[int, float], Array, JointScale]:
     """Return the scale of a joint by log variances (n,) of the joints at logarithms of its factor."""
     name = fit.model.robot.joint_names[joint]
     if not fit.moves[joint]:
@@ -146,7 +148,7 @@ def _scale(fit: QuickFit, joint: int) -> Search[tuple[int, float], Array, JointS
     start, near = grid[int(np.argmin([float(each.sum()) for each in values[:-1]]))]
     best = yield from _measured(lowest_near(start, near, PRECISION / 2), joint, lambda each: float(each.sum()))
     (at_best,) = yield [(joint, best)]
-    worth = fit.counts / _together(fit, joint, best)
+    worth = _worth(fit, joint, best, error)
     ends = side_by_side([_end(best, side) for side in (-1.0, 1.0)])
     low, high = yield from _measured(ends, joint, lambda each: float(worth @ (each - at_best)))
     gain = float(values[-1].sum()) - float(at_best.sum())
@@ -196,12 +198,21 @@ def _mixing(fit: QuickFit, joint: int, x: float) -> Array:
     return mixing
 
 
-def _together(fit: QuickFit, joint: int, x: float) -> Array:
-    """Return by how much the rows of each joint hang together once the scale is right, shape (n,)."""
-    mixing = _mixing(fit, joint, x)
-    beta = fit.solve(fit.triangles.products, mixing).beta
-    residual = fit.residual_of(fit.rows, beta) + fit.rows.torque @ (mixing - np.eye(len(mixing))).T
-    return correlation_factors([residual], [fit.rows.masks])
+def _worth(fit: QuickFit, joint: int, x: float, error: ModelError) -> Array:
+    """Return what rows of each joint are worth once the scale is right, shape (n,): errors of the model count."""
+    mixing, rows = _mixing(fit, joint, x), fit.rows
+    solved = fit.solve(fit.triangles.products, mixing)
+    residual = fit.residual_of(rows, solved.beta) + rows.torque @ (mixing - np.eye(len(mixing))).T
+    factors = correlation_factors([residual], [rows.masks])
+    every, columns, residuals = slice(None, None, error.every), [], []
+    for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
+        deviation, counts = float(np.sqrt(solved.variances[i])), rows.masks[every, i]
+        here = np.zeros((len(counts), len(solved.beta) + 1))
+        here[:, own] = block[every]
+        here[:, -1] = -(block[every] @ solved.beta[own]) * (i == joint)
+        columns.append(np.where(counts[:, None], here / deviation, 0.0))
+        residuals.append(np.where(counts, residual[every, i] / deviation, 0.0))
+    return fit.counts / error.widening(columns, residuals, factors)
 
 
 def _end(best: float, side: float) -> Search[float, float, float]:
