@@ -16,7 +16,7 @@ ENOUGH = 0.95
 
 
 def shown(outcome: Outcome) -> str:
-    mark = "named" if outcome.named else "MISSED"
+    mark = ("named" if outcome.figured else "FIGURE") if outcome.named else "MISSED"
     return f"  {outcome.kind:32} {outcome.strength:<10.3g} {mark:7} {'; '.join(outcome.said)}"
 
 
@@ -25,7 +25,7 @@ def main() -> None:
     parser.add_argument("robots", nargs="*")
     parser.add_argument("--only", default="", help="kinds whose name has one of these words, separated by commas")
     options = parser.parse_args()
-    total = named = 0
+    total = named = figured = 0
     with tempfile.TemporaryDirectory() as name:
         for robot, (trial, held) in robots(options.robots).items():
             begin, each = time.perf_counter(), []
@@ -35,9 +35,12 @@ def main() -> None:
                 each.append(outcome)
                 print(shown(outcome), flush=True)
             good = sum(outcome.named for outcome in each)
-            total, named = total + len(each), named + good
-            print(f"{robot}: {good} of {len(each)} named rightly, {time.perf_counter() - begin:.0f} s")
-    print(f"{named} of {total} named rightly ({100 * named / max(total, 1):.1f} %)")
+            exact = sum(outcome.figured for outcome in each)
+            total, named, figured = total + len(each), named + good, figured + exact
+            took = time.perf_counter() - begin
+            print(f"{robot}: {good} of {len(each)} named rightly, {exact} with direction and figure, {took:.0f} s")
+    shares = [f"{count} of {total} ({100 * count / max(total, 1):.1f} %)" for count in (named, figured)]
+    print(f"{shares[0]} named rightly, {shares[1]} with direction and figure")
     sys.exit(0 if named >= ENOUGH * total else 1)
 
 

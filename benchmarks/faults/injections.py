@@ -26,7 +26,17 @@ def of_joint(trial: Trial, name: str, joint: int, change: Callable[[np.ndarray],
 
 def heaviest(trial: Trial) -> int:
     """Return the joint with the largest torque: what happens to it matters."""
-    return int(np.argmax(trial.columns["tau"].std(axis=0)))
+    return int(np.argmax(spreads(trial, "tau")))
+
+
+def spreads(trial: Trial, name: str) -> np.ndarray:
+    """Return the standard deviation of each joint's column, shape (n,)."""
+    return trial.columns[name].std(axis=0)
+
+
+def step_of(trial: Trial) -> float:
+    """Return the median step of the time in s."""
+    return float(np.median(np.diff(trial.columns["t"])))
 
 
 def timed(trial: Trial, factor: float) -> Trial:
@@ -92,7 +102,7 @@ def wrap(trial: Trial, s: float, g: np.random.Generator) -> Trial:
 
 def delayed(trial: Trial, samples: float, name: str = "tau") -> Trial:
     t = trial.columns["t"]
-    seconds = samples * np.median(np.diff(t))
+    seconds = samples * step_of(trial)
     return trial.with_columns(**{name: np.stack([np.interp(t - seconds, t, v) for v in trial.columns[name].T], axis=1)})
 
 

@@ -11,6 +11,7 @@ from benchmarks.faults import injections as put
 from benchmarks.faults.trials import Trial
 
 Injection = Callable[[Trial, float, np.random.Generator], Trial]
+Wanted = str | float | np.ndarray | Trial
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class Kind:
         why: Why there is no strength, or why no smallest one is looked for.
         joint: Number of the joint that must be named, of a trial and a strength; None where it is the whole log.
         of_all: Whether a finding about single joints does not name it.
+        states: What else the finding must state, of the clean trial and a strength: words of its remedy, a figure, a
+            direction of gravity, or, as a trial, the log that its edit must give back; None where there is nothing.
     """
 
     name: str
@@ -38,15 +41,22 @@ class Kind:
     why: str = "either there or not"
     joint: Callable[[Trial, float], int] | None = None
     of_all: bool = False
+    states: Callable[[Trial, float], Wanted] | None = None
 
 
 REFUSED = "one such row and the log is refused"
 HARMLESS = "no effect where the filter differentiates positions itself"
 
 KINDS = (
-    Kind("time in ms", ("time unit",), lambda c, s, g: put.timed(c, 1e3), fixed=(1.0,)),
-    Kind("time in us", ("time unit",), lambda c, s, g: put.timed(c, 1e6), fixed=(1.0,)),
-    Kind("clock too fast [share]", ("time scale",), lambda c, s, g: put.timed(c, 1 + s), (1e-3, 0.5)),
+    Kind("time in ms", ("time unit",), lambda c, s, g: put.timed(c, 1e3), fixed=(1.0,), states=lambda c, s: "time: ms"),
+    Kind("time in us", ("time unit",), lambda c, s, g: put.timed(c, 1e6), fixed=(1.0,), states=lambda c, s: "time: us"),
+    Kind(
+        "clock too fast [share]",
+        ("time scale",),
+        lambda c, s, g: put.timed(c, 1 + s),
+        (1e-3, 0.5),
+        states=lambda c, s: 1 + s,
+    ),
     Kind("jitter [samples]", ("time jitter",), put.jitter, (0.05, 30.0), (0.5, 1.0, 3.0)),
     Kind("repeated rows [share]", ("repeated rows",), put.duplicates, fixed=(0.0, 0.01, 0.2), why=REFUSED),
     Kind("rows out of order [share]", ("rows out of order",), put.disorder, fixed=(0.0, 0.005, 0.02), why=REFUSED),
@@ -74,12 +84,14 @@ KINDS = (
         ("positions in degrees",),
         lambda c, s, g: c.with_columns(q=put.DEG * c.columns["q"]),
         fixed=(1.0,),
+        states=lambda c, s: "position: deg",
     ),
     Kind(
         "rad declared as deg",
         ("positions in radians",),
         lambda c, s, g: put.declared(c, position="deg"),
         fixed=(1.0,),
+        states=lambda c, s: "position: rad",
     ),
     Kind(
         "velocities in deg/s",
@@ -87,6 +99,7 @@ KINDS = (
         lambda c, s, g: c.with_columns(dq=put.DEG * c.columns["dq"]),
         fixed=(1.0,),
         needs="dq",
+        states=lambda c, s: "velocity: deg/s",
     ),
     Kind(
         "sign of velocity",
@@ -95,7 +108,13 @@ KINDS = (
         needs="dq",
         joint=lambda c, s: int(s),
     ),
-    Kind("order of velocities", ("velocity order",), lambda c, s, g: put.swapped(c, ("dq",), int(s)), needs="dq"),
+    Kind(
+        "order of velocities",
+        ("velocity order",),
+        lambda c, s, g: put.swapped(c, ("dq",), int(s)),
+        needs="dq",
+        states=lambda c, s: c,
+    ),
     Kind(
         "lag of velocity [samples]",
         ("velocity lag",),
@@ -124,28 +143,64 @@ KINDS = (
     ),
     Kind("standstill [share]", ("standstill",), put.pause, fixed=(0.55, 0.7, 0.9), why="samples at rest are left out"),
     Kind(
-        "sign of torque", ("torque sign",), lambda c, s, g: put.turned(c, ("tau",), int(s)), joint=lambda c, s: int(s)
+        "sign of torque",
+        ("torque sign",),
+        lambda c, s, g: put.turned(c, ("tau",), int(s)),
+        joint=lambda c, s: int(s),
+        states=lambda c, s: c,
     ),
-    Kind("signs of all torques", ("torque sign",), lambda c, s, g: c.with_columns(tau=-c.columns["tau"]), fixed=(1.0,)),
-    Kind("order of torques", ("torque order",), lambda c, s, g: put.swapped(c, ("tau",), int(s))),
+    Kind(
+        "signs of all torques",
+        ("torque sign",),
+        lambda c, s, g: c.with_columns(tau=-c.columns["tau"]),
+        fixed=(1.0,),
+        states=lambda c, s: c,
+    ),
+    Kind(
+        "order of torques", ("torque order",), lambda c, s, g: put.swapped(c, ("tau",), int(s)), states=lambda c, s: c
+    ),
     Kind(
         "sign of position",
         ("position sign",),
         lambda c, s, g: put.turned(c, ("q", "dq"), int(s)),
         fixed=(1, 2, 3),
         joint=lambda c, s: int(s),
+        states=lambda c, s: c,
     ),
-    Kind("order of joints", ("joint order",), lambda c, s, g: put.swapped(c, ("q", "dq"), int(s))),
-    Kind("delay of torque [samples]", ("torque delay",), lambda c, s, g: put.delayed(c, s), (0.01, 50.0)),
-    Kind("spring [of torque]", ("spring",), lambda c, s, g: put.sprung(c, s, 0), (1e-3, 1.0), joint=lambda c, s: 0),
+    Kind(
+        "order of joints", ("joint order",), lambda c, s, g: put.swapped(c, ("q", "dq"), int(s)), states=lambda c, s: c
+    ),
+    Kind(
+        "delay of torque [samples]",
+        ("torque delay",),
+        lambda c, s, g: put.delayed(c, s),
+        (0.01, 50.0),
+        states=lambda c, s: s * put.step_of(c),
+    ),
+    Kind(
+        "spring [of torque]",
+        ("spring",),
+        lambda c, s, g: put.sprung(c, s, 0),
+        (1e-3, 1.0),
+        joint=lambda c, s: 0,
+        states=lambda c, s: s * put.spreads(c, "tau")[0] / put.spreads(c, "q")[0],
+    ),
     Kind(
         "counterbalance [of torque]",
         ("counterbalance", "spring"),
         put.balanced,
         (1e-3, 1.0),
         joint=lambda c, s: put.heaviest(c),
+        states=lambda c, s: s * put.spreads(c, "tau").max(),
     ),
-    Kind("drift [of torque]", ("drift",), put.drifting, (1e-3, 2.0), joint=lambda c, s: put.heaviest(c)),
+    Kind(
+        "drift [of torque]",
+        ("drift",),
+        put.drifting,
+        (1e-3, 2.0),
+        joint=lambda c, s: put.heaviest(c),
+        states=lambda c, s: s * put.spreads(c, "tau").max(),
+    ),
     Kind("friction warms up [of torque]", ("friction drift",), put.warming, (1e-3, 1.0)),
     Kind(
         "torque scale of a joint [share]",
@@ -153,6 +208,7 @@ KINDS = (
         lambda c, s, g: put.scaled(c, s, 1),
         (1e-3, 1.0),
         joint=lambda c, s: 1,
+        states=lambda c, s: 1 + s,
     ),
     Kind(
         "torque scale of all [share]",
@@ -160,6 +216,7 @@ KINDS = (
         lambda c, s, g: put.scaled(c, s),
         (1e-3, 1.0),
         of_all=True,
+        states=lambda c, s: 1 + s,
     ),
     Kind(
         "current for torque [A per N m]",
@@ -167,6 +224,7 @@ KINDS = (
         lambda c, s, g: put.scaled(c, 1 / s - 1),
         fixed=(5.0, 11.0, 100.0),
         why="drive gains are what they are",
+        states=lambda c, s: 1 / s,
     ),
     Kind(
         "gear ratio forgotten",
@@ -174,11 +232,24 @@ KINDS = (
         lambda c, s, g: put.scaled(c, 1 / 50 - 1, int(s)),
         fixed=(1, 2, 3),
         joint=lambda c, s: int(s),
+        states=lambda c, s: 1 / 50,
     ),
-    Kind("payload [kg]", ("load at the flange",), put.loaded, (1e-3, 50.0)),
-    Kind("mounting [variant]", ("mounting",), lambda c, s, g: put.mounted(c, int(s)), fixed=(0, 1, 2)),
+    Kind("payload [kg]", ("load at the flange",), put.loaded, (1e-3, 50.0), states=lambda c, s: s),
+    Kind(
+        "mounting [variant]",
+        ("mounting",),
+        lambda c, s, g: put.mounted(c, int(s)),
+        fixed=(0, 1, 2),
+        states=lambda c, s: np.asarray(c.case.robot.gravity),
+    ),
     Kind("another arm [variant]", ("another robot",), lambda c, s, g: put.other_arm(c, int(s)), fixed=(0, 1, 2)),
-    Kind("tilt of the base [deg]", ("tilt", "mounting"), put.tilted, (1e-3, 20.0)),
+    Kind(
+        "tilt of the base [deg]",
+        ("tilt", "mounting"),
+        put.tilted,
+        (1e-3, 20.0),
+        states=lambda c, s: np.asarray(c.case.robot.gravity),
+    ),
     Kind("poor excitation [rad]", ("poor excitation",), put.poor, fixed=(0.1, 0.3, 0.6), why="it replaces the motion"),
     Kind("speed scaling", ("speed scaling",), put.slowed, fixed=(0.9, 0.7, 0.3), why="positions are the measured ones"),
 )

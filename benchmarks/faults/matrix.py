@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.faults.effect import Reference, reference, smallest
+from benchmarks.faults.figures import CleanLog, states
 from benchmarks.faults.kinds import KINDS, Kind
-from benchmarks.faults.trials import Trial
+from benchmarks.faults.trials import Trial, subject_of
 from dynident.diagnosis.checks import Finding
 from dynident.diagnosis.finding import SEVERITIES
 
@@ -26,11 +27,12 @@ OPEN = "scale not determined"
 
 @dataclass(frozen=True)
 class Outcome:
-    """One fault in one log: whether it was named, and all that was said."""
+    """One fault in one log: whether it was named, with direction and figure where it has one, and all that was said."""
 
     kind: str
     strength: float
     named: bool
+    figured: bool
     said: tuple[str, ...]
     searched: bool
 
@@ -43,19 +45,20 @@ def strengths(kind: Kind, trial: Trial, against: Reference, folder: Path) -> tup
     return ((kind.between[1],), False) if least is None else (tuple(least * factor for factor in MULTIPLES), True)
 
 
-def named(kind: Kind, joint: str, found: tuple[Finding, ...], clean: tuple[Finding, ...]) -> bool:
-    """Return whether a finding names the fault, at its joint, that the clean log does not have, or not so strongly.
+def naming(kind: Kind, joint: str, found: tuple[Finding, ...], clean: tuple[Finding, ...]) -> list[Finding]:
+    """Return the findings that name the fault, at its joint, that the clean log does not have, or not so strongly.
 
     That a scale cannot be determined holds of the clean log as well.
     """
     known = {(finding.name, finding.joint): finding for finding in clean}
-    return any(
-        finding.name in kind.right
+    return [
+        finding
+        for finding in found
+        if finding.name in kind.right
         and (not joint or joint in finding.joint.split(", "))
         and not (kind.of_all and finding.joint)
         and (finding.name == OPEN or _is_new(finding, known.get((finding.name, finding.joint))))
-        for finding in found
-    )
+    ]
 
 
 def joint_of(kind: Kind, trial: Trial, strength: float) -> str:
@@ -70,13 +73,14 @@ def _is_new(finding: Finding, known: Finding | None) -> bool:
     return any(
         abs(value - known.numbers.get(key, 0.0)) > MOVED * abs(known.numbers.get(key, 0.0))
         for key, value in finding.numbers.items()
+        if key != "half_width"
     )
 
 
 def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "") -> Iterator[Outcome]:
     """Yield the outcome of each kind at each strength on a robot."""
     earlier, against = held.estimate(folder), reference(trial, held, folder)
-    clean = trial.examined(folder, earlier).findings
+    clean = CleanLog(trial, subject_of(trial, folder), trial.examined(folder, earlier).findings)
     for kind in KINDS:
         if not any(word in kind.name for word in only.split(",")) or (kind.needs and kind.needs not in trial.columns):
             continue
@@ -85,8 +89,11 @@ def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "") -> Iterato
             faulty = kind.inject(trial, strength, np.random.default_rng(1))
             found = faulty.examined(folder, earlier).findings
             said = tuple(f"{one.severity}: {one.name}" + (f" ({one.joint})" * bool(one.joint)) for one in found)
-            right = named(kind, joint_of(kind, trial, strength), found, clean)
-            yield Outcome(kind.name, strength, right, said, searched)
+            right = naming(kind, joint_of(kind, trial, strength), found, clean.findings)
+            wanted = None if kind.states is None else kind.states(trial, strength)
+            figured = [one for one in right if wanted is None or states(one, wanted, faulty, clean)]
+            said += tuple(one.evidence for one in right if not figured)
+            yield Outcome(kind.name, strength, bool(right), bool(figured), said, searched)
 
 
 def alarms(trial: Trial, held: Trial, folder: Path) -> Mapping[str, int]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from benchmarks.faults import injections as put
-from benchmarks.faults.trials import REAL, Trial, recorded, tracked, virtual
+from benchmarks.faults.trials import REAL, Trial, recorded, subject_of, tracked, virtual
 from dynident.case.case import read_case
 from dynident.diagnosis.causes.torque_scales import JointScale, other_scales
 from dynident.diagnosis.checks import ordered
@@ -22,8 +22,6 @@ from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.checks.readings import Readings
 from dynident.diagnosis.checks.torque_scale import TorqueScale
 from dynident.diagnosis.finding import Finding
-from dynident.diagnosis.recording import read_recording
-from dynident.diagnosis.repair import repair
 
 FACTORS = (0.05, 0.1, 0.2, 0.495, 0.8, 1.25, 2.0, 2.5, 4.0, 10.0, 20.0)
 ROBOTS = ("er16", "generic-6r", "generic-7r", "generic-scara", *REAL)
@@ -42,11 +40,6 @@ class Count:
     known: int = 0
     silent: int = 0
     unknown: int = 0
-
-
-def subject_of(trial: Trial, folder: Path) -> CheckedLog:
-    recording = read_recording(trial.case, str(trial.written(folder)))
-    return CheckedLog(trial.case, recording, repair(recording, trial.case.robot).recording)
 
 
 def told(subject: CheckedLog) -> list[Finding]:

@@ -14,6 +14,9 @@ import numpy as np
 
 from dynident.case.case import Case, read_case
 from dynident.diagnosis.checks import Examination, examine
+from dynident.diagnosis.checks.base import CheckedLog
+from dynident.diagnosis.recording import read_recording
+from dynident.diagnosis.repair import repair
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.model.dynamic_model import DynamicModel
@@ -79,6 +82,12 @@ class Trial:
     def estimate(self, folder: Path) -> Estimate:
         """Return what is identified from the log by weighted least squares, as the case prepares it."""
         return identify(self.case.model, [self.case.read(self.written(folder))], "wls", self.case.preprocessing)
+
+
+def subject_of(trial: Trial, folder: Path) -> CheckedLog:
+    """Return what the checks look at."""
+    recording = read_recording(trial.case, str(trial.written(folder)))
+    return CheckedLog(trial.case, recording, repair(recording, trial.case.robot).recording)
 
 
 def smooth_motion(

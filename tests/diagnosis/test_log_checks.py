@@ -16,9 +16,10 @@ import scipy.stats
 sys.path.append(str(Path(__file__).parents[2]))  # the benchmark puts the same faults into full-size arms
 
 from benchmarks.faults import injections as put
+from benchmarks.faults.figures import CleanLog, states
 from benchmarks.faults.kinds import KINDS, Kind
-from benchmarks.faults.matrix import joint_of, named
-from benchmarks.faults.trials import Trial, virtual
+from benchmarks.faults.matrix import joint_of, naming
+from benchmarks.faults.trials import Trial, subject_of, virtual
 
 from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
@@ -79,8 +80,9 @@ def trial(case: Case) -> Trial:
 
 
 @pytest.fixture(scope="module")
-def clean(trial: Trial, tmp_path_factory: pytest.TempPathFactory) -> tuple[Finding, ...]:
-    return trial.examined(tmp_path_factory.mktemp("clean")).findings
+def clean(trial: Trial, tmp_path_factory: pytest.TempPathFactory) -> CleanLog:
+    folder = tmp_path_factory.mktemp("clean")
+    return CleanLog(trial, subject_of(trial, folder), trial.examined(folder).findings)
 
 
 def write(trial: Trial, path: Path) -> None:
@@ -100,10 +102,15 @@ def test_a_clean_log_has_neither_errors_nor_warnings(case: Case, seed: int, tmp_
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
-def test_a_fault_is_named(kind: Kind, trial: Trial, clean: tuple[Finding, ...], tmp_path: Path) -> None:
+def test_a_fault_is_named_with_direction_and_figure(kind: Kind, trial: Trial, clean: CleanLog, tmp_path: Path) -> None:
     strength = STRENGTHS[kind.name] if kind.between else kind.fixed[len(kind.fixed) // 2]
-    found = kind.inject(trial, strength, np.random.default_rng(1)).examined(tmp_path).findings
-    assert named(kind, joint_of(kind, trial, strength), found, clean), [finding.line() for finding in found]
+    faulty = kind.inject(trial, strength, np.random.default_rng(1))
+    found = faulty.examined(tmp_path).findings
+    right = naming(kind, joint_of(kind, trial, strength), found, clean.findings)
+    assert right, [finding.line() for finding in found]
+    if kind.states is not None:
+        wanted = kind.states(trial, strength)
+        assert any(states(one, wanted, faulty, clean) for one in right), (wanted, [one.line() for one in right])
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2])

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.faults import injections as put
-from benchmarks.faults.scales import subject_of
-from benchmarks.faults.trials import Trial, virtual
+from benchmarks.faults.trials import Trial, subject_of, virtual
 
 from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap

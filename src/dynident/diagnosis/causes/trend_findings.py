@@ -67,12 +67,16 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     of = "its torque" if blame.cause.joint else "all torques"
     counted = f" (t = {blame.certainty:.0f}, {100 * blame.share:.0f} % of a joint's residual variance, "
     counted += f"{100 * blame.size:{'.0f' if blame.size >= MATTERS else '.2g'}} % of {of})"
+    largest = int(np.argmax(np.abs(blame.values)))
     numbers = {
-        "value": float(blame.values[int(np.argmax(np.abs(blame.values)))]),
+        "value": float(blame.values[largest]),
+        "half_width": float(blame.half_widths[largest]),
         "t": blame.certainty,
         "share": blame.share,
         "torque": float((blame.taken if blame.cause.name == "friction curve" else blame.torque).max()),
     }
+    if blame.cause.name == "counterbalance":
+        numbers |= dict(zip(("value", "half_width", "phase_rad"), _wave(blame), strict=True))
     return Finding(severity, blame.cause.name, blame.cause.joint, evidence + counted, remedy, numbers)
 
 
@@ -96,10 +100,17 @@ def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     )
 
 
+def _wave(blame: Blame) -> tuple[float, float, float]:
+    """Return size of a sine of the position, half of its 95 % interval across all phases, and its phase in rad."""
+    half = float(np.sqrt(np.linalg.eigvalsh(blame.covariance)[-1]) * blame.half_widths[0] / blame.deviations[0])
+    return float(np.hypot(*blame.values)), half, float(np.arctan2(blame.values[1], blame.values[0]))
+
+
 def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
-    size = float(np.hypot(*blame.values))
-    phase = float(np.arctan2(blame.values[1], blame.values[0]))
-    evidence = f"the residual follows {size:.3g} N m sin(q {'-' if phase < 0 else '+'} {abs(phase):.2f} rad)"
+    size, half, phase = _wave(blame)
+    evidence = (
+        f"the residual follows {size:.3g} +- {half:.2g} N m sin(q {'-' if phase < 0 else '+'} {abs(phase):.2f} rad)"
+    )
     return evidence, "a counterbalance, or a body fixed to the joint: model it, or subtract its torque before the fit"
 
 

@@ -1,0 +1,148 @@
+"""Whether a finding states the direction and the figure of a fault.
+
+A figure is right within 5 %, or inside a stated 95 % interval whose half is at most 10 % of it. Figures of scales and
+clocks are factors; besides, these must be off one on the right side. A direction of gravity is right where its distance
+from the true one is that share of what the stated one is off. Signs and orders are right where the edit that is asked
+for gives the log without the fault back. What the clean log says already counts as right of a recorded one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.faults.kinds import Wanted
+from benchmarks.faults.remedies import EDITS, told
+from benchmarks.faults.trials import Trial
+from dynident.diagnosis.checks.base import CheckedLog
+from dynident.diagnosis.checks.torque_scale import against_nominal
+from dynident.diagnosis.finding import Finding
+
+#: Error of a figure, and half of a stated interval that holds the right one, as shares of it.
+EXACT, WIDE = 0.05, 0.1
+
+#: Values are told with three digits.
+PRINTED = 5e-3
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a finding states: a value, complex where it has a phase, or a vector, half of its interval, what it is off.
+
+    Attributes:
+        value: A number, a complex number or a vector.
+        half: Half of the 95 % interval; 0 where none is stated.
+        nothing: The value without a fault: 0, 1 of a factor, the stated gravity of a gravity.
+    """
+
+    value: complex | np.ndarray
+    half: float = 0.0
+    nothing: complex | np.ndarray = 0.0
+
+    def is_right(self, wanted: complex | np.ndarray) -> bool:
+        """Return whether the value is near the right one, or its narrow interval holds it, on the right side."""
+        is_factor = np.ndim(self.value) == 0 and self.nothing == 1.0
+        away, error = (float(np.linalg.norm(np.atleast_1d(wanted - each))) for each in (self.nothing, self.value))
+        if is_factor:
+            if (np.real(self.value) - 1.0) * (np.real(wanted) - 1.0) < 0.0:
+                return False
+            away = abs(wanted)
+        return bool(error <= (EXACT + PRINTED) * away or (self.half <= WIDE * away and error <= self.half))
+
+
+def stated(finding: Finding, trial: Trial) -> Stated | None:
+    """Return what a finding states; None where it states no figure."""
+    read = _READ.get(finding.name)
+    return None if read is None else read(finding, trial)
+
+
+def _clock(finding: Finding, trial: Trial) -> Stated:
+    if "ratio" in finding.numbers:  # dq over the derivative of q
+        return Stated(finding.numbers["ratio"], 0.0, 1.0)
+    return Stated(1.0 + finding.numbers["value"], finding.numbers["half_width"], 1.0)
+
+
+def _scale(finding: Finding, trial: Trial) -> Stated:
+    numbers = finding.numbers
+    if "factor" in numbers:  # what undoes it
+        return Stated(1.0 / numbers["factor"], (1.0 / numbers["low"] - 1.0 / numbers["high"]) / 2.0, 1.0)
+    return Stated(1.0 + numbers["value"], numbers["half_width"], 1.0)
+
+
+def _gravity(finding: Finding, trial: Trial) -> Stated:
+    gravity, size = np.asarray(trial.case.robot.gravity), float(np.linalg.norm(trial.case.robot.gravity))
+    spread = re.search(r"\+- (\S+) degrees", finding.evidence)
+    half = size * np.radians(float(spread[1])) if spread else 0.0
+    return Stated(np.array(told(finding, "gravity"), dtype=float), half, gravity)
+
+
+def _load(finding: Finding, trial: Trial) -> Stated:
+    half = re.search(r"\(\+- (\S+) kg\)", finding.evidence)
+    return Stated(finding.numbers["mass_kg"], float(half[1]) if half else 0.0)
+
+
+def _counterbalance(finding: Finding, trial: Trial) -> Stated:
+    numbers = finding.numbers
+    return Stated(numbers["value"] * np.exp(1j * numbers["phase_rad"]), numbers["half_width"])
+
+
+_READ: Mapping[str, Callable[[Finding, Trial], Stated]] = {
+    "time scale": _clock,
+    "torque scale": _scale,
+    "torque unit": lambda finding, trial: Stated(finding.numbers["ratio"], 0.0, 1.0),
+    "torque delay": lambda finding, trial: Stated(finding.numbers["delay_s"], 1.96 * finding.numbers["std_s"]),
+    "spring": lambda finding, trial: Stated(finding.numbers["value"], finding.numbers["half_width"]),
+    "drift": lambda finding, trial: Stated(finding.numbers["value"], finding.numbers["half_width"]),
+    "counterbalance": _counterbalance,
+    "load at the flange": _load,
+    "tilt": _gravity,
+    "mounting": _gravity,
+}
+
+
+@dataclass(frozen=True)
+class CleanLog:
+    """What the checks say of the log without the fault."""
+
+    trial: Trial
+    subject: CheckedLog
+    findings: tuple[Finding, ...]
+
+    def says(self, finding: Finding, nothing: complex | np.ndarray) -> complex | np.ndarray:
+        """Return the figure of such a finding on the clean log; ``nothing`` where it has none."""
+        fit = self.subject.fit
+        if finding.name == "torque unit" and fit is not None:
+            theta = fit.model.nominal()
+            return nothing if theta is None else against_nominal(fit, theta, None)[0]
+        if finding.name == "torque scale" and finding.joint:
+            own = [one for one in self.subject.scales if one.joint == finding.joint.split(", ")[0] and not one.is_open]
+            return 1.0 / own[0].factor if own else nothing
+        same = [one for one in self.findings if (one.name, one.joint) == (finding.name, finding.joint)]
+        found = stated(same[0], self.trial) if same else None
+        return nothing if found is None else found.value
+
+
+def states(finding: Finding, wanted: Wanted, faulty: Trial, clean: CleanLog) -> bool:
+    """Return whether a finding on the faulty log states what it has to."""
+    if finding.name == "scale not determined":
+        return any(one.name == finding.name for one in clean.findings)
+    if isinstance(wanted, str):
+        return wanted in finding.remedy
+    if isinstance(wanted, Trial):
+        return _restores(finding, faulty, wanted)
+    found = stated(finding, faulty)
+    if found is None:
+        return False
+    already = clean.says(finding, found.nothing)
+    if isinstance(wanted, np.ndarray):
+        return found.is_right(wanted if already is found.nothing else already)
+    return found.is_right(wanted * already if found.nothing == 1.0 else wanted + already)
+
+
+def _restores(finding: Finding, faulty: Trial, right: Trial) -> bool:
+    """Return whether the edit that a finding asks for gives the columns of the log without the fault back."""
+    edited = EDITS[finding.name](faulty, finding)
+    return all(np.allclose(values, right.columns[name]) for name, values in edited.columns.items())
