@@ -29,7 +29,7 @@ from dynident.diagnosis.causes.held_out import halves
 from dynident.diagnosis.causes.known_bodies import NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
-from dynident.diagnosis.checks import CHECKS, Finding, examine, examine_recording, readings
+from dynident.diagnosis.checks import CHECKS, Finding, examine, examine_recordings, readings
 from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
 from dynident.diagnosis.finding import SEVERITIES
@@ -385,7 +385,7 @@ def test_what_is_not_safe_is_not_repaired(trial: Trial, tmp_path: Path) -> None:
     for broken in (put.lost(trial, 0.2, generator), put.restart(trial, 0.5, generator)):
         recording = read_recording(trial.case, str(broken.written(tmp_path)))
         assert repair(recording, trial.case.robot).recording.log.samples == recording.log.samples
-        assert not examine_recording(trial.case, recording).sound
+        assert not examine_recordings(trial.case, [recording])[0].sound
 
 
 def test_sorting_is_for_rows_out_of_order_only() -> None:

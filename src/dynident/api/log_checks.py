@@ -39,7 +39,7 @@ def case_of_model(model: DynamicModel) -> Case:
 def check_logs(
     case: Case, logs: Sequence[Log], progress: Callable[[str], None] = lambda step: None
 ) -> list[dict[str, Any]]:
-    """Return what the checks find in logs that were read, each as the plain data of an examination.
+    """Return what the checks find in logs that were read, and in those together that are alike, as plain data.
 
     Args:
         case: Robot, units and preprocessing.
@@ -49,12 +49,13 @@ def check_logs(
     Raises:
         LogMismatch: A joint is missing.
     """
-    from dynident.diagnosis.checks import examine_recording  # a fit without checks needs neither
+    from dynident.diagnosis.checks import examine_recordings  # a fit without checks needs neither
     from dynident.diagnosis.recording import recording_of
 
     progress("log checks")
     names = case.robot.joint_names
-    return [examine_recording(case, recording_of(case, log.ordered(names))).figures() for log in logs]
+    recordings = [recording_of(case, log.ordered(names)) for log in logs]
+    return [examination.figures() for examination in examine_recordings(case, recordings)]
 
 
 def check_heads(case: Case, progress: Callable[[str], None] = lambda step: None) -> list[dict[str, Any]]:

@@ -13,6 +13,7 @@ that are not finite (up to 5 %), and removes encoder jumps. The exit code is 1 w
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.case.case import read_case
     from dynident.cli import console
-    from dynident.diagnosis.checks import examine
+    from dynident.diagnosis.checks import examine_logs
     from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place
 
@@ -60,11 +61,8 @@ def run(options: argparse.Namespace) -> int:
         check_place(options.fix)
         check_outputs((options.fix,), (options.case, *case.files, *(case.find(name) for name in names)))
     earlier = _earlier(case, options.against)
-    found = []
     with console.progress(len(names), options.quiet or options.json) as progress:
-        for name in names:
-            progress.step(f"looking at {name}")
-            found.append(examine(case, name, earlier))
+        found = examine_logs(case, names, earlier, progress.step)
     mends = _fixed(case, found[0], options.fix) if options.fix else None
     if options.json:
         console.answer_json(_figures(case, found, mends))
@@ -110,7 +108,7 @@ def _fixed(case: Case, examination: Examination, out: str) -> tuple[str, ...]:
     return (*(examination.repaired.repairs or ("nothing to repair",)), read)
 
 
-def _figures(case: Case, found: list[Examination], mends: tuple[str, ...] | None) -> dict[str, Any]:
+def _figures(case: Case, found: Sequence[Examination], mends: tuple[str, ...] | None) -> dict[str, Any]:
     return {
         "robot": case.robot.name,
         "sound": all(examination.sound for examination in found),

@@ -17,7 +17,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, FitRows, QuickFit
-from dynident.diagnosis.causes.weighted_fit import EXACT, Solved, weighted_products
+from dynident.diagnosis.causes.weighted_fit import Solved, TargetProducts
 
 #: Blocks of a log of which every other one learns.
 BLOCKS = 16
@@ -48,6 +48,10 @@ class ReadRows:
 
     def fitted(self, masks: BoolArray) -> Solved:
         """Return the fit of the rows that ``masks`` (N, n) counts."""
+        return self.products(masks).fitted()
+
+    def products(self, masks: BoolArray) -> TargetProducts:
+        """Return the products of the rows that ``masks`` (N, n) counts."""
         size = 1 + max(int(own.max()) for own in self.rows.columns)
         target = self.target
         joints = target.shape[1]
@@ -55,8 +59,7 @@ class ReadRows:
         for i, (block, own) in enumerate(zip(self.rows.blocks, self.rows.columns, strict=True)):
             kept, torque = block[masks[:, i]], target[masks[:, i], i]
             grams[i][np.ix_(own, own)], sides[i][own], squares[i] = kept.T @ kept, kept.T @ torque, torque @ torque
-        counts = np.maximum(masks.sum(axis=0), 1).astype(float)
-        return weighted_products(grams, sides, squares, counts, np.maximum(EXACT**2 * squares / counts, 1e-300))
+        return TargetProducts(grams, sides, squares, masks.sum(axis=0).astype(float))
 
     @property
     def target(self) -> Array:

@@ -8,7 +8,7 @@ is their log-likelihood up to the number of independent rows (Seber and Wild 200
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -83,6 +83,7 @@ class QuickFit:
         how: How they become rows.
         counting: Which of the rows count, shape (N,); None for all.
         explained: Torque that has another cause than the model and is taken off, shape (N, n); None for none.
+        starts: When each of the logs begins that are one here, in s, shape (L,).
     """
 
     model: DynamicModel
@@ -91,16 +92,29 @@ class QuickFit:
     how: Preprocessing
     counting: BoolArray | None = None
     explained: Array | None = None
+    starts: Array = field(default_factory=lambda: np.zeros(1))
 
     def part(self, counting: BoolArray) -> QuickFit:
         """Return the fit of some of the rows, shape (N,)."""
         return replace(self, counting=counting)
+
+    def clock(self, time: Array) -> Array:
+        """Return times (N,) in s since their own log began, shape (N,)."""
+        return time - self.starts[np.maximum(np.searchsorted(self.starts, time, side="right") - 1, 0)]
 
     @cached_property
     def rows(self) -> FitRows:
         """The rows as the case reads them."""
         rows = self.rows_of(self.log)
         return rows if self.explained is None else replace(rows, torque=rows.torque - self.explained)
+
+    @cached_property
+    def has_rows_enough(self) -> bool:
+        """Whether the log is long enough for a fit."""
+        try:
+            return bool(self.rows.masks.sum() > 2 * self.base.count)
+        except DynidentError:
+            return False
 
     @cached_property
     def regressor(self) -> RegressorStream:
@@ -243,6 +257,12 @@ class QuickFit:
 
 def quick_fit(case: Case, log: Log) -> QuickFit | None:
     """Return the fit of a sound log; None where it has no torques or is too short for one."""
+    found = thin_fit(case, log)
+    return found if found is not None and found.has_rows_enough else None
+
+
+def thin_fit(case: Case, log: Log) -> QuickFit | None:
+    """Return the fit of a sound log, of which no rows are made yet; None where it has no torques or no uniform time."""
     if log.torque is None:
         return None
     known = bool(np.any(case.robot.reflected_inertia))
@@ -261,11 +281,9 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
     )
     try:
         thin = thinned_log(log, SAMPLES_PER_HZ * cutoff, case.preprocessing.longest_gap_s)
-        found = QuickFit(model, base_of(model), thin, how)
-        enough = found.rows.masks.sum() > 2 * found.base.count
+        return QuickFit(model, base_of(model), thin, how)
     except DynidentError:
         return None
-    return found if enough else None
 
 
 def base_of(model: DynamicModel) -> BaseParameters:

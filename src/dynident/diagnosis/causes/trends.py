@@ -65,7 +65,7 @@ class Trends:
     def _causes(self) -> Iterator[Cause]:
         """Yield the causes that are tried, not filtered yet; a torque that was predicted is."""
         names = self.fit.model.robot.joint_names
-        clock = np.asarray(self._log.time)
+        clock = self.fit.clock(np.asarray(self._log.time))
         clock = (clock - clock.mean()) / max(float(np.ptp(clock)), 1e-9)
         sign, q = np.tanh(self._speed / rest_speeds(self.fit.model.robot, WIDTH)), np.asarray(self._log.q)
         turn = (1.0 - sign**2) * (np.asarray(self._log.ddq) @ self._coupling.T)

@@ -6,8 +6,8 @@ another sign, scale or joint costs no new rows. Each joint's rows weigh by their
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -128,6 +128,43 @@ class Solved:
         if found is None:
             found = np.linalg.solve(self.information[:others, :others], self.information[:others, others:])
         return -found.T
+
+
+@dataclass(frozen=True)
+class TargetProducts:
+    """What a fit needs of the rows of each joint with one torque tau_i.
+
+    Attributes:
+        grams: W_i' W_i, shape (n, size, size).
+        sides: W_i' tau_i, shape (n, size).
+        squares: tau_i' tau_i, shape (n,).
+        counts: Rows, shape (n,).
+    """
+
+    grams: Array
+    sides: Array
+    squares: Array
+    counts: Array
+
+    @classmethod
+    def summed(cls, parts: Sequence[TargetProducts]) -> TargetProducts:
+        """Return those of all rows together."""
+        return cls(*(np.sum([getattr(part, one.name) for part in parts], axis=0) for one in fields(cls)))
+
+    def fitted(self) -> Solved:
+        """Return the weighted fit."""
+        return weighted_products(self.grams, self.sides, self.squares, *self._counts_and_floors)
+
+    def variances(self, beta: Array) -> Array:
+        """Return the residual variance of each joint with parameters (size,), shape (n,)."""
+        left = self.squares - 2.0 * self.sides @ beta + (self.grams @ beta) @ beta
+        counts, floors = self._counts_and_floors
+        return np.maximum(left / counts, floors)
+
+    @property
+    def _counts_and_floors(self) -> tuple[Array, Array]:
+        counts = np.maximum(self.counts, 1.0)
+        return counts, np.maximum(EXACT**2 * self.squares / counts, 1e-300)
 
 
 def weighted_products(

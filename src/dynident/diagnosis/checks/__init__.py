@@ -1,19 +1,25 @@
 """Log checks, a family: what is wrong with a log before anything is fitted to it, and what to do about it.
 
 A check looks at one side of a log and returns findings. Checks of the raw file come first, then those of the signals,
-then those of a quick fit; an error that no repair removes ends the examination, since what comes after it would only
-repeat it in other words.
+then those of a quick fit of all logs that are alike; an error that no repair removes ends the examination, since what
+comes after it would only repeat it in other words.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from pathlib import PurePath
 from typing import Any
 
+import numpy as np
+
+from dynident.arrays import Array
 from dynident.case.case import Case
+from dynident.diagnosis.causes.pooled_logs import AlikeLogs, pooled_logs
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import SEVERITIES, Finding
+from dynident.diagnosis.finding import SEVERITIES, Finding, Severity
 from dynident.diagnosis.recording import Recording, read_recording
 from dynident.diagnosis.repair import Repaired, repair
 from dynident.errors import LogFormatError, LogMismatch
@@ -23,12 +29,18 @@ from dynident.plugins import Family
 
 CHECKS: Family[Check] = Family("dynident.diagnosis.checks", Check, "check")  # type: ignore[type-abstract]
 
-__all__ = ["CHECKS", "Check", "CheckedLog", "Examination", "Finding", "examine", "examine_recording"]
+__all__ = ["CHECKS", "Check", "CheckedLog", "Examination", "Finding", "examine", "examine_logs", "examine_recordings"]
 
 _STAGES = (0, 1, 2)
 
 #: Errors that are gone once the safe repairs are made.
 _MENDABLE = ("values that are not finite", "repeated rows", "rows out of order", "encoder wrap")
+
+#: Duration in s of logs that are fitted together at most; of more logs the next ones are another fit.
+LONGEST_S = 1200.0
+
+#: Times by which parameters of the other logs raise the residual of a log from which that is a warning.
+UNLIKE_GRAVELY = 3.0
 
 
 @dataclass(frozen=True)
@@ -73,29 +85,155 @@ def examine(case: Case, name: str, earlier: Estimate | None = None) -> Examinati
     Raises:
         FileError: The file cannot be read at all.
     """
-    try:
-        recording = read_recording(case, name)
-    except (LogFormatError, LogMismatch) as error:
-        finding = Finding("error", "unreadable", "", error.evidence, error.step)
-        return Examination(str(case.find(name)), (finding,), "no check was made, the file is no table of the case")
-    return examine_recording(case, recording, earlier)
+    return examine_logs(case, [name], earlier)[0]
+
+
+def examine_logs(
+    case: Case,
+    names: Sequence[str],
+    earlier: Estimate | None = None,
+    progress: Callable[[str], None] = lambda step: None,
+) -> tuple[Examination, ...]:
+    """Return what is wrong with several logs of a case; see :func:`examine_recordings`.
+
+    Args:
+        case: Robot, columns and preparation.
+        names: The logs, as the case or the command line names them.
+        earlier: An estimate of the same robot, whose bodies take the place of the robot model's.
+        progress: Called with each step in words.
+
+    Raises:
+        FileError: A file cannot be read at all.
+    """
+    recordings: list[Recording] = []
+    unreadable: dict[int, Examination] = {}
+    for k, name in enumerate(names):
+        progress(f"looking at {name}")
+        try:
+            recordings.append(read_recording(case, name))
+        except (LogFormatError, LogMismatch) as error:
+            finding = Finding("error", "unreadable", "", error.evidence, error.step)
+            left_out = "no check was made, the file is no table of the case"
+            unreadable[k] = Examination(str(case.find(name)), (finding,), left_out)
+    found = iter(examine_recordings(case, recordings, earlier, len(names)))
+    each = [unreadable[k] if k in unreadable else next(found) for k in range(len(names))]
+    return (*each, *found)
 
 
 @one_blas_thread()
-def examine_recording(case: Case, recording: Recording, earlier: Estimate | None = None) -> Examination:
-    """Return what is wrong with a recording; see :func:`examine`."""
+def examine_recordings(
+    case: Case, recordings: Sequence[Recording], earlier: Estimate | None = None, total: int = 0
+) -> tuple[Examination, ...]:
+    """Return what is wrong with each recording of a case, and then with those together that are alike.
+
+    What a fit shows is looked for in all logs together that one set of parameters explains, else in each log.
+
+    Args:
+        case: Robot, columns and preparation.
+        recordings: One of each log.
+        earlier: An estimate of the same robot, whose bodies take the place of the robot model's.
+        total: How many logs there are with those that could not be read; 0 for those that are given.
+    """
+    checks = [CHECKS.make(name) for name in CHECKS.names()]
+    seen = [_of_signals(checks, case, recording, earlier) for recording in recordings]
+    last = [check for check in checks if check.stage == _STAGES[-1]]
+    more: list[Examination] = []
+    groups = list(_groups([one for one in seen if not one.left_out]))
+    for group in groups:
+        together = _of_fits(last, group)
+        if together:
+            name = _named(together, total or len(seen), len(groups) > 1)
+            more.append(Examination(name, ordered(together[0].others)))
+    return (*(one.examination() for one in seen), *more)
+
+
+@dataclass(eq=False)
+class _ExaminedLog:
+    """A log whose signals were looked at.
+
+    Attributes:
+        subject: What checks see.
+        repaired: The log after the safe repairs.
+        found: Findings of the log.
+        left_out: Why the checks that need a fit were left out; empty where they are made.
+        others: Findings of the logs together of which it is one.
+    """
+
+    subject: CheckedLog
+    repaired: Repaired
+    found: list[Finding]
+    left_out: str = ""
+    others: Sequence[Finding] = ()
+
+    def examination(self) -> Examination:
+        """Return what was found, less what findings of all logs together explain."""
+        return Examination(self.subject.raw.log.name, ordered(self.found, self.others), self.left_out, self.repaired)
+
+
+def _groups(ready: Sequence[_ExaminedLog]) -> Iterator[list[_ExaminedLog]]:
+    """Yield logs one after another, as many as are fitted together at once."""
+    group: list[_ExaminedLog] = []
+    for one in ready:
+        if group and sum(each.subject.sound.log.duration for each in (*group, one)) > LONGEST_S:
+            yield group
+            group = []
+        group.append(one)
+    if group:
+        yield group
+
+
+def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> list[_ExaminedLog]:
+    """Add what fits show to the findings of some logs; return those of them that were fitted together."""
+    pooled = pooled_logs([one.subject.thin for one in group]) if len(group) > 1 else AlikeLogs()
+    together = [group[k] for k in pooled.together]
+    if pooled.fit is not None:
+        before = [finding for one in together for finding in one.found]
+        told = _of_stage(checks, replace(together[0].subject, pooled=pooled.fit), before)
+        for one in together:
+            one.others = told
+    apart = [(one, ratios) for one, ratios in zip_longest(group, pooled.ratios) if one not in together]
+    for one, _ in apart:
+        one.found += _of_stage(checks, one.subject, one.found)
+    if together and not any(finding.severity == "error" for one in group for finding in (*one.found, *one.others)):
+        for one, ratios in apart:  # an error of a log would be why it is unlike the others
+            one.found.append(_unlike(one.subject.case, ratios))
+    return together
+
+
+def _named(together: Sequence[_ExaminedLog], total: int, is_part: bool) -> str:
+    """Return how logs are called that were fitted together; a part of many begins at one of them."""
+    if is_part:
+        return f"{len(together)} of {total} logs, from {PurePath(together[0].subject.raw.log.name).name} on"
+    if len(together) < total:
+        return f"{len(together)} of {total} logs"
+    return "both logs" if total == 2 else f"all {total} logs"
+
+
+def _of_signals(checks: Sequence[Check], case: Case, recording: Recording, earlier: Estimate | None) -> _ExaminedLog:
+    """Look at a file and its signals."""
     repaired = repair(recording, case.robot)
     subject = CheckedLog(case, recording, repaired.recording, earlier)
     found: list[Finding] = []
-    left_out = ""
-    checks = [CHECKS.make(name) for name in CHECKS.names()]
-    for stage in _STAGES:
+    for stage in _STAGES[:-1]:
         found += _of_stage([check for check in checks if check.stage == stage], subject, found)
         lasting = [each.name for each in found if each.severity == "error" and each.name not in _MENDABLE]
-        if lasting and stage < _STAGES[-1]:
+        if lasting:
             left_out = f"checks that need sound {'signals' if stage == 0 else 'units'} were left out: fix {lasting[0]}"
-            break
-    return Examination(recording.log.name, ordered(found), left_out, repaired)
+            return _ExaminedLog(subject, repaired, found, left_out)
+    return _ExaminedLog(subject, repaired, found)
+
+
+def _unlike(case: Case, ratios: Array) -> Finding:
+    """Return what is said of a log that the parameters of the others do not explain, ratios of its joints (n,)."""
+    times = np.sqrt(ratios)
+    joint = int(np.argmax(times))
+    evidence = (
+        f"with parameters of the other logs its residual is {times[joint]:.2g} times that with parameters of its own"
+    )
+    remedy = "make sure that load, mounting, gains and units are those of the other logs, or give it a case of its own"
+    severity: Severity = "warning" if times[joint] > UNLIKE_GRAVELY else "note"
+    name, numbers = case.robot.joint_names[joint], {"times": float(times[joint])}
+    return Finding(severity, "unlike other logs", name, evidence, remedy, numbers)
 
 
 def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Finding]) -> list[Finding]:
@@ -108,9 +246,9 @@ def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Fin
     return [finding for k in sorted(told) for finding in told[k]]
 
 
-def ordered(found: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return findings with the gravest first, those that another one explains left out."""
-    explained = {name for finding in found for name in finding.explains}
+def ordered(found: Sequence[Finding], others: Sequence[Finding] = ()) -> tuple[Finding, ...]:
+    """Return findings with the gravest first, those that another one of these or of ``others`` explains left out."""
+    explained = {name for finding in (*found, *others) for name in finding.explains}
     first: dict[tuple[str, str], Finding] = {}
     for finding in sorted(found, key=_rank):  # two checks may see one thing: the gravest tells it
         first.setdefault((finding.name, finding.joint), finding)

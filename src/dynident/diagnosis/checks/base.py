@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from dynident.case.case import Case
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
-from dynident.diagnosis.causes.quick_fit import QuickFit, base_of, beyond_quick_fit, quick_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit, base_of, beyond_quick_fit, thin_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, other_scales
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.finding import Finding
@@ -32,17 +32,24 @@ class CheckedLog:
         raw: The log as its file has it.
         sound: The same after the safe repairs: time runs forward, every value is finite.
         earlier: An estimate of the same robot that bodies are held against; None for the robot model.
+        pooled: The fit of several logs, of which this is the first; None for that of this log alone.
     """
 
     case: Case
     raw: Recording
     sound: Recording
     earlier: Estimate | None = None
+    pooled: QuickFit | None = None
+
+    @cached_property
+    def thin(self) -> QuickFit | None:
+        """The fit of a few rows of the log whatever their number; None where the log has no torques."""
+        return thin_fit(self.case, self.sound.log)
 
     @cached_property
     def fit(self) -> QuickFit | None:
         """A fit of few rows by weighted least squares; None where the log has no torques or too few rows."""
-        return quick_fit(self.case, self.sound.log)
+        return self.pooled or (self.thin if self.thin is not None and self.thin.has_rows_enough else None)
 
     @cached_property
     def scales(self) -> tuple[JointScale, ...]:

@@ -1,0 +1,142 @@
+"""Several logs of one case: what a fit shows is looked for in those together that one set of parameters explains."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.faults.trials import Trial, virtual
+
+from dynident.case.case import Case
+from dynident.data.formats import ColumnMap
+from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.causes.pooled_logs import pooled_fit, pooled_logs
+from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
+from dynident.diagnosis.checks import examine, examine_logs
+from dynident.model.friction import FRICTION, default_friction
+from dynident.model.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def case(spatial_3r: Robot) -> Case:
+    joints = tuple(replace(joint, damping=2.0, friction=3.0) for joint in spatial_3r.joints)
+    robot = replace(spatial_3r, joints=joints)
+    friction = tuple(FRICTION.make(name) for name in default_friction())
+    return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+
+
+@pytest.fixture(scope="module")
+def trials(case: Case) -> list[Trial]:
+    return [virtual(case, seed, rate=rate) for seed, rate in ((0, 100.0), (1, 250.0), (2, 100.0))]
+
+
+def written(trials: list[Trial], folder: Path) -> list[str]:
+    return [str(trial.written(folder, f"run{k}")) for k, trial in enumerate(trials)]
+
+
+def fits_of(trials: list[Trial], folder: Path) -> list[QuickFit]:
+    found = [quick_fit(trials[0].case, trials[0].case.read(path)) for path in written(trials, folder)]
+    return [fit for fit in found if fit is not None]
+
+
+def turned(trial: Trial, joint: int) -> Trial:
+    """Return a log with the torque of a joint turned in its sign."""
+    tau = trial.columns["tau"].copy()
+    tau[:, joint] *= -1.0
+    return trial.with_columns(tau=tau)
+
+
+def scaled(trial: Trial, joint: int, factor: float) -> Trial:
+    """Return a log with the torque of a joint in another unit."""
+    tau = trial.columns["tau"].copy()
+    tau[:, joint] *= factor
+    return trial.with_columns(tau=tau)
+
+
+def test_rows_of_logs_together_are_those_of_each(trials: list[Trial], tmp_path: Path) -> None:
+    """Logs of two rates; a fit of its own has rows nearer to the ends of its log."""
+    fits = fits_of(trials, tmp_path)
+    whole = pooled_fit(fits)
+    time = np.asarray(whole.rows.prepared.kept.time)
+    clock = whole.clock(time)
+    assert clock.min() >= 0.0 and clock.max() < 20.0 and len(whole.starts) == 3
+    at = 0
+    for k, fit in enumerate(fits):
+        mine = (time >= whole.starts[k]) & (time < (np.append(whole.starts, np.inf))[k + 1])
+        own = np.asarray(fit.rows.prepared.kept.time) - fit.log.time[0]
+        assert mine.sum() > 0.9 * len(own)
+        for i in range(3):
+            expected = np.column_stack(
+                [np.interp(clock[mine], own, column) for column in (*fit.rows.blocks[i].T, fit.rows.torque[:, i])]
+            )
+            found = np.column_stack([whole.rows.blocks[i][mine], whole.rows.torque[mine, i]])
+            close = np.abs(found - expected) < 0.02 * np.abs(expected).max(axis=0)
+            assert close.mean() > 0.99
+        at += int(mine.sum())
+    assert at == len(time)
+
+
+def test_logs_of_one_robot_are_alike(trials: list[Trial], tmp_path: Path) -> None:
+    found = pooled_logs(fits_of(trials, tmp_path))
+    assert found.together == (0, 1, 2)
+    assert 0.5 < found.ratios.min() and found.ratios.max() < 1.5
+
+
+def test_right_logs_have_no_finding_together(trials: list[Trial], tmp_path: Path) -> None:
+    *each, together = examine_logs(trials[0].case, written(trials, tmp_path))
+    assert together.path == "all 3 logs" and together.sound
+    assert [finding.name for finding in together.findings if finding.severity != "note"] == []
+    assert not any("unlike" in finding.name for one in each for finding in one.findings)
+
+
+def test_a_cause_that_logs_share_is_told_once(trials: list[Trial], tmp_path: Path) -> None:
+    faulty = [scaled(trial, 1, 1.2) for trial in trials[:2]]
+    first, second, together = examine_logs(trials[0].case, written(faulty, tmp_path))
+    assert together.path == "both logs"
+    (error,) = [finding for finding in together.findings if finding.severity == "error"]
+    assert error.name == "torque scale" and error.joint == trials[0].case.robot.joint_names[1]
+    assert all(finding.severity != "error" for one in (first, second) for finding in one.findings)
+
+
+def test_a_log_that_is_unlike_the_others_is_left_to_itself(trials: list[Trial], tmp_path: Path) -> None:
+    joint = trials[0].case.robot.joint_names[1]
+    mixed = [trials[0], turned(trials[1], 1), trials[2]]
+    first, second, third, together = examine_logs(trials[0].case, written(mixed, tmp_path))
+    assert together.path == "2 of 3 logs" and together.sound and first.sound and third.sound
+    alone = examine(trials[0].case, str(mixed[1].written(tmp_path, "alone")))
+    assert ("error", "torque sign", joint) in {(one.severity, one.name, one.joint) for one in second.findings}
+    assert [one.figures() for one in second.findings] == [one.figures() for one in alone.findings]
+
+
+def test_what_only_tells_a_log_from_the_others_is_told(trials: list[Trial], tmp_path: Path) -> None:
+    """Friction three times that of the other days: no fault of the log alone."""
+    speed = trials[1].columns["dq"][:, 2]
+    tau = trials[1].columns["tau"].copy()
+    tau[:, 2] += 6.0 * np.tanh(speed / 0.01)
+    mixed = [trials[0], trials[1].with_columns(tau=tau), trials[2]]
+    first, second, third, together = examine_logs(trials[0].case, written(mixed, tmp_path))
+    assert together.path == "2 of 3 logs"
+    (finding,) = [one for one in second.findings if one.name == "unlike other logs"]
+    assert finding.severity == "warning" and finding.joint == trials[0].case.robot.joint_names[2]
+    assert not any(one.name == "unlike other logs" for each in (first, third, together) for one in each.findings)
+
+
+def test_of_two_logs_that_differ_each_is_examined_alone(trials: list[Trial], tmp_path: Path) -> None:
+    mixed = [trials[0], turned(trials[2], 0)]
+    first, second = examine_logs(trials[0].case, written(mixed, tmp_path))
+    assert first.sound and not second.sound
+    assert all(finding.name != "unlike other logs" for one in (first, second) for finding in one.findings)
+
+
+def test_a_log_that_cannot_be_read_keeps_its_place(trials: list[Trial], tmp_path: Path) -> None:
+    (tmp_path / "bad.csv").write_text("t,q1\n0,one\n", encoding="utf-8")
+    paths = written(trials[:2], tmp_path)
+    found = examine_logs(trials[0].case, [paths[0], str(tmp_path / "bad.csv"), paths[1]])
+    assert [Path(one.path).name for one in found] == ["run0.npz", "bad.csv", "run1.npz", "2 of 3 logs"]
+    assert [finding.name for finding in found[1].findings] == ["unreadable"]
+
+
+def test_many_logs_are_fitted_in_parts(trials: list[Trial], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dynident.diagnosis.checks.LONGEST_S", 45.0)
+    found = examine_logs(trials[0].case, written([*trials, trials[0]], tmp_path))
+    assert [one.path for one in found[4:]] == ["2 of 4 logs, from run0.npz on", "2 of 4 logs, from run2.npz on"]
