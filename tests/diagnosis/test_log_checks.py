@@ -29,7 +29,7 @@ from dynident.diagnosis.causes.held_out import halves
 from dynident.diagnosis.causes.known_bodies import NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
-from dynident.diagnosis.checks import CHECKS, Finding, examine, examine_recordings, readings
+from dynident.diagnosis.checks import CHECKS, examine, examine_recordings, readings
 from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
 from dynident.diagnosis.finding import SEVERITIES
@@ -329,10 +329,10 @@ def test_a_change_shows_against_an_earlier_estimate_where_the_description_is_wro
 
 
 def test_an_earlier_estimate_of_a_clean_log_changes_nothing_and_one_of_another_robot_is_told(
-    trial: Trial, clean: tuple[Finding, ...], tmp_path: Path
+    trial: Trial, clean: CleanLog, tmp_path: Path
 ) -> None:
     earlier = virtual(trial.case, seed=4, rate=RATE).estimate(tmp_path)
-    assert trial.examined(tmp_path, earlier).findings == clean
+    assert trial.examined(tmp_path, earlier).findings == clean.findings
     (found,) = [one for one in put.other_arm(trial, 0).examined(tmp_path, earlier).findings if one.severity == "error"]
     assert found.name == "another robot" and "or its axis is turned by 120 degrees" in found.evidence
 
