@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +43,15 @@ def test_a_known_servo_is_found_again(robot: Robot, tmp_path: Path) -> None:
     (tmp_path / "b.json").write_text("{}")
     with pytest.raises(EstimateFormatError, match="no estimate of actuators"):
         read_actuators(tmp_path / "b.json")
+
+
+def test_roll_outs_that_do_not_follow_are_said_with_the_zero_that_fits(robot: Robot) -> None:
+    """Positions that count from 2 rad beside the zero of the robot model; the true offset is 0.02 rad."""
+    logs = [replace(log, q=log.q - 2.0, q_ref=log.q_ref - 2.0) for log in virtual_logs(robot, parameters())[:3]]
+    joint = identify_actuators(robot, ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1"), logs).joints[0]
+    (warning,) = [text for text in joint_warnings(joint) if "roll-outs miss" in text]
+    found = re.search(r"fits about ([-.0-9]+) rad more", warning)
+    assert found is not None and float(found[1]) == pytest.approx(2.02, abs=0.05)
 
 
 def test_no_angle_offset_is_sought_where_no_weight_tells_it(robot: Robot) -> None:

@@ -16,6 +16,7 @@ from dynident.actuators.joint_load import carrying, joint_loads, load_times, mea
 from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
 from dynident.actuators.parameters import PLACE, with_zero
+from dynident.actuators.poor_fit import poor_fit
 from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, rolled_out, started
 from dynident.actuators.servo_log import ServoLog, ServoSetup, check_gains, is_outside, kp_values, laws_of
 from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters
@@ -166,7 +167,7 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
         linear_test=_errors(test or data.train, fit.linear),
         folds=fit.folds,
         saturated=saturated,
-        remarks=_remarks(data, kp),
+        remarks=_remarks(data, kp, fit.parameters),
     )
 
 
@@ -203,8 +204,8 @@ def _known_together(
     return known, tuple(found)
 
 
-def _remarks(data: JointData, kp: tuple[float, ...]) -> tuple[str, ...]:
-    remarks = []
+def _remarks(data: JointData, kp: tuple[float, ...], parameters: Array) -> tuple[str, ...]:
+    remarks = list(filter(None, [poor_fit(data, parameters)]))
     outside = sorted({one.kp for one in data.test if is_outside(one.kp, kp)})
     if outside:
         those = ", ".join(f"{value:g}" for value in outside)

@@ -119,7 +119,7 @@ def _held(log: ServoLog, time: Array) -> IntArray:
     return np.clip(np.searchsorted(log.time, time, side="right") - 1, 0, log.samples - 1)
 
 
-def _duty(rows: StartRows, delay: float, slew: float) -> tuple[Array, BoolArray]:
+def duty_of(rows: StartRows, delay: float, slew: float) -> tuple[Array, BoolArray]:
     """Return the duty on the grid at the measured position, and where it is at its limit or nearly so."""
     log, time = rows.log, rows.motion.time
     held = _held(log, time - delay)
@@ -231,7 +231,7 @@ def _regression(
         names.append("damping_gain")
     if has_load:
         names.append("load_motor")
-    drives = [_duty(one, delay, slew) for one in rows]
+    drives = [duty_of(one, delay, slew) for one in rows]
     for one in rows:
         one.fixed.pop("full_torque", None)
     on_count = sum(float(one.on.sum()) for one in rows)

@@ -51,8 +51,8 @@ AS_RATIO = "known as a ratio"
 #: Half width from which a parameter counts as weak, as a share of its value.
 WEAK = 0.25
 
-#: Half width in rad up to which the zero of an encoder counts as identified where the bodies are found beside it.
-ZERO = 0.02
+#: Half width in rad up to which the zero of an encoder counts as identified, and where the bodies are found beside it.
+ZERO, ZERO_BESIDE = 0.1, 0.02
 
 
 @dataclass(frozen=True)
@@ -304,7 +304,7 @@ def known_parameters(problem: ServoProblem, parameters: Array, spread: Spread) -
             found.append(Known(name, value, np.inf, "at its bound"))
         elif not spread.seen[k]:
             found.append(Known(name, value, np.inf, "not separable", _partner(problem.free, spread.products, k, free)))
-        elif half < WEAK * abs(value) or (name == "angle_offset" and (ratio is None or half < ZERO)):
+        elif half < WEAK * abs(value) or (name == "angle_offset" and half < (ZERO if ratio is None else ZERO_BESIDE)):
             found.append(Known(name, value, half, "identified", ratio=ratio))
         elif ratio is not None and ratio < WEAK * abs(value):
             found.append(Known(name, value, half, AS_RATIO, ratio=ratio))
