@@ -131,7 +131,7 @@ def _factors(found: CauseSearch, fit: tuple[int, ...]) -> tuple[Array, Array]:
     mix = np.append(-np.linalg.lstsq(stacked[:, :-1], stacked[:, -1], rcond=None)[0], 1.0)
     first = np.concatenate([w[:, :3] / np.sqrt(v) for w, v in zip(wholes, plain.variances, strict=True)])
     hat = np.linalg.qr(first)[0].reshape(joints, count, 3)
-    factors, powers, size = np.ones(joints), np.zeros(joints), 2 ** int(np.ceil(np.log2(2 * count)))
+    factors, powers, size = np.ones(joints), np.zeros(joints), 2 * (found.spectrum.left.shape[1] - 1)
     half = found.spectrum.half
     near = np.abs((np.arange(size) + size // 2) % size - size // 2) <= half
     for i, whole in enumerate(wholes):

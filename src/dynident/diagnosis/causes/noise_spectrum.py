@@ -40,7 +40,7 @@ class NoiseSpectrum:
             oversampling: Rows for each that is independent where noise is white before the filter.
         """
         count = roots[0].shape[1]
-        size = 2 ** int(np.ceil(np.log2(2 * count)))
+        size = min(fast * 2 ** int(np.ceil(np.log2(2 * count / fast))) for fast in (4, 5, 6))
         passed = count / (2.0 * oversampling)
         half = max(1, round(0.5 * np.sqrt(passed) * size / count))
         taken = np.stack([_power(root, size).sum(axis=0) for root in roots]) / counts[:, None]
