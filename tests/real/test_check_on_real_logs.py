@@ -6,9 +6,11 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
+from dynident.api.log_checks import check_logs
 from dynident.case.case import read_case
 from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.diagnosis.checks import examine
@@ -64,6 +66,23 @@ def test_a_wrist_torque_that_follows_its_position_is_no_other_order(run: int, mo
     how = replace(case.preprocessing, filter=Butterworth(2.0), trim_s=1.2)
     case = replace(case, friction=friction, preprocessing=how)
     assert examine(case, log).sound
+
+
+def test_a_zero_that_moved_between_two_logs_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parameters of the log alone take the shift in, those of the other logs do not; as recorded all are alike."""
+    if not (DATA / "ur10e_mamedov").is_dir():
+        pytest.skip("no ur10e_mamedov under DYNIDENT_DATA or ../shared/data")
+    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    case = read_case(ROOT / "examples" / "cases" / "ur10e.yaml")
+    logs = [case.read(case.find(name)) for name in case.train[:3]]
+    *_, together = check_logs(case, logs)
+    assert together["path"] == "all 3 logs"
+    moved = logs[0].q + 0.2 * np.eye(6)[1]
+    first, *rest, together = check_logs(case, [replace(logs[0], q=moved), *logs[1:]])
+    assert together["path"] == "2 of 3 logs"
+    told = [(one["severity"], one["joint"]) for one in first["findings"] if one["name"] == "unlike other logs"]
+    assert told == [("warning", "shoulder_lift_joint")]
+    assert not any(one["name"] == "unlike other logs" for each in rest for one in each["findings"])
 
 
 @pytest.mark.battery

@@ -194,9 +194,11 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> list[_Ex
     apart = [(one, ratios) for one, ratios in zip_longest(group, pooled.ratios) if one not in together]
     for one, _ in apart:
         one.found += _of_stage(checks, one.subject, one.found)
-    if together and not any(finding.severity == "error" for one in group for finding in (*one.found, *one.others)):
-        for one, ratios in apart:  # an error of a log would be why it is unlike the others
-            one.found.append(_unlike(one.subject.case, ratios))
+    shared = [finding.severity for one in together[:1] for finding in one.others]
+    told = [finding.severity for one in group for finding in one.found]
+    if together and "error" not in (*shared, *told):  # else that is why logs differ
+        for one, ratios in apart:
+            one.found.append(_unlike(one.subject.case, ratios, "warning" in shared))
     return together
 
 
@@ -223,15 +225,21 @@ def _of_signals(checks: Sequence[Check], case: Case, recording: Recording, earli
     return _ExaminedLog(subject, repaired, found)
 
 
-def _unlike(case: Case, ratios: Array) -> Finding:
-    """Return what is said of a log that the parameters of the others do not explain, ratios of its joints (n,)."""
+def _unlike(case: Case, ratios: Array, shared: bool) -> Finding:
+    """Return what is said of a log that the parameters of the others do not explain.
+
+    Args:
+        case: Robot.
+        ratios: Of the residual variances of its joints, shape (n,).
+        shared: Whether the other logs have a cause of a warning, which may be why.
+    """
     times = np.sqrt(ratios)
     joint = int(np.argmax(times))
     evidence = (
         f"with parameters of the other logs its residual is {times[joint]:.2g} times that with parameters of its own"
     )
     remedy = "make sure that load, mounting, gains and units are those of the other logs, or give it a case of its own"
-    severity: Severity = "warning" if times[joint] > UNLIKE_GRAVELY else "note"
+    severity: Severity = "warning" if times[joint] > UNLIKE_GRAVELY and not shared else "note"
     name, numbers = case.robot.joint_names[joint], {"times": float(times[joint])}
     return Finding(severity, "unlike other logs", name, evidence, remedy, numbers)
 
