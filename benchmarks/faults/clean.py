@@ -1,8 +1,9 @@
-"""False alarms on logs of random robots, simulated by Pinocchio: python -m benchmarks.faults.clean [FIRST LAST].
+"""False alarms on logs of random robots, simulated by Pinocchio: python -m benchmarks.faults.clean [FIRST LAST [LOGS]].
 
 A robot has 3 to 7 joints on axes at right angles or askew, some of them slides, with drives, rates, noise and lengths
 of logs as they are common; its robot model is off by what makers' are (15 % of each mass, 12 mm of each centre). The
-case is drafted by ``init``, as a user has it. Every error and every warning that the checks tell is false, and printed.
+case is drafted by ``init``, as a user has it. With LOGS an arm has so many of other motions, which are checked
+together. Every error and every warning that the checks tell is false, and printed.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from benchmarks.faults.trials import tracked
 from benchmarks.strangers.plant import Body, cylinder, urdf, waves
 from dynident.api.init import init
 from dynident.case.case import read_case
-from dynident.diagnosis.checks import examine
+from dynident.diagnosis.checks import examine_logs
 from dynident.diagnosis.finding import Finding
 
 LOGS = 300
@@ -78,34 +79,49 @@ def robot(generator: np.random.Generator) -> list[Body]:
     return bodies
 
 
-def log(generator: np.random.Generator, bodies: list[Body], truth: str) -> tuple[dict[str, np.ndarray], str]:
-    """Return the columns of a log, and where its torque was measured."""
+def recorded(
+    generator: np.random.Generator, bodies: list[Body], truth: str, logs: int
+) -> tuple[list[dict[str, np.ndarray]], str]:
+    """Return the columns of logs of one arm in several motions, and where its torque was measured."""
     count = len(bodies)
     rate = float(generator.choice([100, 125, 200, 250, 500, 1000]))
     seconds = float(generator.uniform(15, 45))
     first = float(generator.choice([0.05, 0.1, 0.2]))
     reach = [0.6 * (body.limits[1] - body.limits[0]) / 2 for body in bodies]
-    motion = waves(bodies, first, 5, int(generator.integers(1 << 30)), reach, 0.0, float(generator.uniform(0.3, 0.7)))
+    seed, speed = int(generator.integers(1 << 30)), float(generator.uniform(0.3, 0.7))
     t = np.arange(int(rate * seconds)) / rate
-    q, dq, ddq = motion(t)
+    moved = [waves(bodies, first, 5, seed + k, reach, 0.0, speed)(t) for k in range(logs)]
     model = pinocchio.buildModelFromXML(truth)
     data = model.createData()
-    rigid = np.array([pinocchio.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)])
-    size = np.maximum(rigid.std(axis=0), 0.02 * rigid.std())
-    tau = rigid.copy()
+    rigid = [np.array([pinocchio.rnea(model, data, *row) for row in zip(*each, strict=True)]) for each in moved]
+    size = np.maximum(rigid[0].std(axis=0), 0.02 * rigid[0].std())
+    rotors = np.zeros(count)
     if motor := generator.random() < MOTOR_SIDE:
-        masses = np.diag(pinocchio.crba(model, data, q[len(q) // 2]))
-        tau += generator.uniform(0.1, 1.0, count) * masses * ddq
-    speed = np.abs(dq).max(axis=0)
+        masses = np.diag(pinocchio.crba(model, data, moved[0][0][len(t) // 2]))
+        rotors = generator.uniform(0.1, 1.0, count) * masses
     dry, slope = (generator.uniform(0.05, 0.4, (2, count)) * (1.0 if motor else 0.2)) * size
-    dry = dry + generator.uniform(0, 0.06) * np.abs(tau) * motor
-    tau += dry * np.tanh(dq / 0.005) + slope * dq / speed + 0.02 * generator.normal(size=count) * size
-    tau += generator.uniform(0.002, 0.03) * size * generator.normal(size=tau.shape)
-    tick = float(10 ** generator.uniform(-5.5, -3.7))
-    columns = {"t": t, "q": np.round(q / tick) * tick, "tau": tau}
-    if generator.random() < 0.6:
-        columns["dq"] = dq + float(10 ** generator.uniform(-4, -2.3)) * generator.normal(size=dq.shape)
-    return columns, "motor" if motor else "joint"
+    load = generator.uniform(0, 0.06) * motor
+    slope, offset = slope / np.abs(moved[0][1]).max(axis=0), 0.02 * generator.normal(size=count) * size
+    noise, tick, rough = generator.uniform(0.002, 0.03) * size, 0.0, 0.0
+    found = []
+    for (q, dq, ddq), bare in zip(moved, rigid, strict=True):
+        tau = bare + rotors * ddq
+        tau += (dry + load * np.abs(tau)) * np.tanh(dq / 0.005) + slope * dq + offset
+        tau += noise * generator.normal(size=tau.shape)
+        tick = tick or float(10 ** generator.uniform(-5.5, -3.7))
+        columns = {"t": t, "q": np.round(q / tick) * tick, "tau": tau}
+        if not found:
+            rough = float(10 ** generator.uniform(-4, -2.3)) if generator.random() < 0.6 else 0.0
+        if rough:
+            columns["dq"] = dq + rough * generator.normal(size=dq.shape)
+        found.append(columns)
+    return found, "motor" if motor else "joint"
+
+
+def log(generator: np.random.Generator, bodies: list[Body], truth: str) -> tuple[dict[str, np.ndarray], str]:
+    """Return the columns of one log, and where its torque was measured."""
+    (columns,), side = recorded(generator, bodies, truth, 1)
+    return columns, side
 
 
 def written(columns: dict[str, np.ndarray], path: Path) -> None:
@@ -116,21 +132,23 @@ def written(columns: dict[str, np.ndarray], path: Path) -> None:
     np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=",".join(names), comments="")
 
 
-def told(seed: int, folder: Path) -> tuple[list[Finding], str]:
-    """Return the findings at error and warning level on the log of a seed, and what robot it is."""
+def told(seed: int, folder: Path, logs: int = 1) -> tuple[list[Finding], str]:
+    """Return the findings at error and warning level on the logs of a seed, and what robot it is."""
     generator = np.random.default_rng([24, seed])
     bodies = robot(generator)
     truth, described = urdf(f"arm_{seed}", bodies, seed), urdf(f"arm_{seed}", bodies)
-    columns, side = log(generator, bodies, truth)
+    recordings, side = recorded(generator, bodies, truth, logs)
     (folder / "arm.urdf").write_text(described)
-    written(columns, folder / "run.csv")
+    paths = [str(folder / f"run{k}.csv") for k in range(logs)]
+    for columns, path in zip(recordings, paths, strict=True):
+        written(columns, Path(path))
     with contextlib.redirect_stdout(io.StringIO()):
-        draft = init(str(folder / "arm.urdf"), str(folder / "run.csv"), folder)
+        draft = init(str(folder / "arm.urdf"), paths, folder)
     (folder / "case.yaml").write_text(draft.text)
     case = read_case(folder / "case.yaml")
-    found = examine(case, str(folder / "run.csv"))
+    found = [one for each in examine_logs(case, paths) for one in each.findings if one.severity != "note"]
     kind = "".join("P" if body.kind == "prismatic" else "R" for body in bodies)
-    return [one for one in found.findings if one.severity != "note"], f"{kind}, {side} side, {len(columns['t'])} rows"
+    return found, f"{kind}, {side} side, {len(recordings[0]['t'])} rows"
 
 
 def bound(count: int, logs: int) -> float:
@@ -140,21 +158,24 @@ def bound(count: int, logs: int) -> float:
 
 def main() -> None:
     first, last = (int(word) for word in sys.argv[1:3]) if len(sys.argv) > 2 else (0, LOGS)
+    logs = int(sys.argv[3]) if len(sys.argv) > 3 else 1
     alarmed: Counter[str] = Counter()
     kinds: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as name:
         for seed in tracked(range(first, last), "logs"):
-            found, about = told(seed, Path(name))
+            found, about = told(seed, Path(name), logs)
             false = [one for one in found if one.name not in TRUE_OF_A_LOG]
             for severity in {one.severity for one in false}:
                 alarmed[severity] += 1
             for one in false:
                 kinds[one.name] += 1
                 print(f"{seed} ({about}): {one.line()}", flush=True)
-    logs = last - first
+    arms = last - first
     for severity in ("error", "warning"):
         count = alarmed[severity]
-        print(f"{count} of {logs} logs with a false {severity}; upper 95 % bound {bound(count, logs):.1%}")
+        print(
+            f"{count} of {arms} arms of {logs} logs with a false {severity}; upper 95 % bound {bound(count, arms):.1%}"
+        )
     print(", ".join(f"{name} {count}" for name, count in kinds.most_common()))
 
 

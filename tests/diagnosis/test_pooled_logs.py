@@ -140,3 +140,12 @@ def test_many_logs_are_fitted_in_parts(trials: list[Trial], tmp_path: Path, monk
     monkeypatch.setattr("dynident.diagnosis.checks.LONGEST_S", 45.0)
     found = examine_logs(trials[0].case, written([*trials, trials[0]], tmp_path))
     assert [one.path for one in found[4:]] == ["2 of 4 logs, from run0.npz on", "2 of 4 logs, from run2.npz on"]
+
+
+def test_a_log_without_torque_has_no_part(trials: list[Trial], tmp_path: Path) -> None:
+    first, second, third, together = examine_logs(
+        trials[0].case, written([trials[0], trials[1].without("tau"), trials[2]], tmp_path)
+    )
+    assert together.path == "2 of 3 logs" and together.sound
+    assert [one.name for one in second.findings] == ["no torque"] or second.left_out
+    assert not any(one.name == "unlike other logs" for each in (first, second, third) for one in each.findings)

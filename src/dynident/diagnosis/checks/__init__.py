@@ -17,7 +17,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.case import Case
-from dynident.diagnosis.causes.pooled_logs import AlikeLogs, pooled_logs
+from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, pooled_logs
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import SEVERITIES, Finding, Severity
 from dynident.diagnosis.recording import Recording, read_recording
@@ -197,7 +197,7 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> list[_Ex
     shared = [finding.severity for one in together[:1] for finding in one.others]
     told = [finding.severity for one in group for finding in one.found]
     if together and "error" not in (*shared, *told):  # else that is why logs differ
-        for one, ratios in apart:
+        for one, ratios in ((one, ratios) for one, ratios in apart if ratios.max() > UNLIKE):
             one.found.append(_unlike(one.subject.case, ratios, "warning" in shared))
     return together
 
