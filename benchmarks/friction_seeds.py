@@ -38,6 +38,23 @@ BESIDE: Mapping[str, Virtual] = {
             ("presliding", {"length": 5e-3}, (2.8, 3.5, 2.1)),
         ),
     ),
+    "stribeck-3": Virtual(
+        planar(),
+        (
+            ("coulomb", {"width": 0.01}, LEVELS),
+            ("viscous", {}, SLOPES),
+            ("stribeck", {"velocity": 0.06, "exponent": 2.0, "width": 0.01}, (1.6, 2.0, 1.2)),
+        ),
+    ),
+    "both-3": Virtual(
+        planar(),
+        (
+            ("coulomb", {"width": 0.01}, (1.2, 1.5, 0.9)),
+            ("viscous", {}, SLOPES),
+            ("presliding", {"length": 5e-3}, (2.8, 3.5, 2.1)),
+            ("stribeck", {"velocity": 0.06, "exponent": 2.0, "width": 0.01}, (1.6, 2.0, 1.2)),
+        ),
+    ),
     "bristles-3": Virtual(
         planar(),
         (("coulomb", {"width": 0.01}, LEVELS), ("viscous", {}, SLOPES)),

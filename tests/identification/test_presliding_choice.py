@@ -118,6 +118,19 @@ def test_presliding_and_delay_are_told_apart_many_times(
     check_taken(planar_2r, exact_motion, length, late, seed)
 
 
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_stribeck_effect_is_found_beside_presliding(planar_2r: Robot, exact_motion: MakeMotion, seed: int) -> None:
+    """Without presliding the part does not help: it is tried again beside it."""
+    truth = (Coulomb(0.01), Viscous(), Presliding(0.01), Stribeck(0.1, width=0.01))
+    values = [1.0, 1.0, 3.0, 0.3, 0.6, 0.5, 2.0, 0.2]
+    log = logged(planar_2r, exact_motion, truth, values, 0, seed)
+    found = identify(DynamicModel(planar_2r, DRAFT), [log], "wls", replace(HOW, delay_s=0.0))
+    assert {type(part) for part in found.model.friction} == {type(part) for part in truth}
+    by_name = {p["name"]: p["value"] for p in found.parameters()}
+    for name, value in (("Fp[joint1]", 3.0), ("Fp[joint2]", 2.0), ("Fs[joint1]", 0.3), ("Fs[joint2]", 0.2)):
+        assert by_name[name] == pytest.approx(value, rel=0.1), name
+
+
 @pytest.mark.parametrize("late", [0, 2])
 def test_no_presliding_where_there_is_none(planar_2r: Robot, exact_motion: MakeMotion, late: int) -> None:
     check_left_out(planar_2r, exact_motion, late, 5)

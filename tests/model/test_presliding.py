@@ -28,22 +28,22 @@ def turning(size: float, samples: int = 4001) -> Motion:
     return Motion(size * np.sin(turn), size * np.pi * np.cos(turn), -size * np.pi**2 * np.sin(turn))
 
 
-@pytest.mark.parametrize("shape", [1.0, 0.4, 0.05])
+@pytest.mark.parametrize("shape", [1.0, 0.4, 0.01])
 def test_its_states_are_those_of_its_own_update(exact_motion: Callable[..., Motion], shape: float) -> None:
     part, motion = Presliding(0.02, shape), exact_motion(3, np.arange(400) / 50.0)
     np.testing.assert_allclose(part.states_along(motion, 0.02), Friction.states_along(part, motion, 0.02), atol=1e-14)
 
 
-@pytest.mark.parametrize("shape", [0.5, 0.05])
+@pytest.mark.parametrize("shape", [0.5, 0.01])
 def test_its_curve_is_that_of_its_differential_equation(shape: float) -> None:
-    """Steps of a ten-thousandth of the length; towards shape 0 it is the exponential of Dahl within 4 %."""
+    """Steps of a ten-thousandth of the length; towards shape 0 it is the exponential of Dahl within 1 %."""
     part, z, step = Presliding(0.02, shape), -0.02, 2e-6
     q = np.concatenate([np.linspace(0.03, 0.0, 2), np.linspace(0.0, 0.03, 301)[1:]])[:, None]
     found = part.states_along(Motion(q, q, q), 1e-3, first=np.array([[-0.02]]))[1:, 0, 0]
     along = [z := z + step * (1.0 - z / 0.02) ** (1.0 - shape) for _ in range(15000)]
     np.testing.assert_allclose(found[50::50], along[2499::2500], atol=2e-5)
-    if shape == 0.05:
-        np.testing.assert_allclose(found, 0.02 * (1.0 - 2.0 * np.exp(-np.linspace(0.0, 0.03, 301) / 0.02)), atol=8e-4)
+    if shape == 0.01:
+        np.testing.assert_allclose(found, 0.02 * (1.0 - 2.0 * np.exp(-np.linspace(0.0, 0.03, 301) / 0.02)), atol=2e-4)
 
 
 @pytest.mark.parametrize("size", [0.01, 0.05, 0.5])

@@ -31,7 +31,7 @@ from dynident.identification.selection.friction.variable_projection import (
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import Friction, auto_friction, called, motor_ripple
+from dynident.model.friction import WHOLE, Friction, auto_friction, called, motor_ripple
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def _within_logs(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) -
         moved: dict[str, Any] = {}
         for name, span in spans:
             value, is_short = getattr(part, name), span.is_distance
-            if not (value < least if is_short else span.is_duration and value > longest):
+            if not (value < 0.999 * least if is_short else span.is_duration and value > longest):
                 continue
             why = f"is below the least distance that the positions show, {least:.3g} rad (or m)"
             step = f"state at least {least:.2g}, or log finer positions at a higher rate"
@@ -167,20 +167,23 @@ def _with_chosen_fields(
     """
     (prepared, choices), first, delay_is_free = before, without_optional(model), plain[0].how.delay_s is None
     without, (chosen, held) = choices.delays or (), choose(model, prepared, delay_is_free=delay_is_free)
+    lagging = [called(part) for part in model.friction if part.lags and part.is_optional]
+    told = [each.value for each in held if each.field == WHOLE and each.part in lagging]
     for is_last in (False, True) if delay_is_free else ():
         if chosen != first:
             prepared, delays = _with_delays(chosen, plain, progress, without)
             choices = replace(choices, **delays)
         if not is_last:
-            first, (chosen, held) = chosen, choose(model, prepared)
+            first, (chosen, held) = chosen, choose(model, prepared, remembers=bool(told) and all(told))
     choices = replace(choices, chosen_fields=held)
-    stay = tuple(part for part in model.friction if not (part.lags and part.is_optional))
-    if delay_is_free and chosen.lags and len(stay) < len(model.friction):
-        forgetful = replace(model, friction=stay)
+    if delay_is_free and chosen.lags and lagging:
+        forgetful = replace(model, friction=tuple(p for p in model.friction if not (p.lags and p.is_optional)))
         other, others, without_it = _with_chosen_fields(forgetful, plain, before, progress, choose, shared)
         better, tried = predicts_better(chosen, prepared, other, others, shared)
         if not better:
             return other, others, replace(without_it, chosen_fields=(*(without_it.chosen_fields or ()), *tried))
+        held = tuple(each for each in held if each.field != WHOLE or each.part not in lagging)
+        choices = replace(choices, chosen_fields=(*held, *tried))
     return chosen, prepared, choices
 
 

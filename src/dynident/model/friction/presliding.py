@@ -49,10 +49,10 @@ class Presliding(Friction):
     """
 
     length: float = 3e-3
-    shape: float = bounded(1.0, least=0.05, most=1.0)
+    shape: float = bounded(1.0, least=0.01, most=1.0)
     element: int = bounded(1, least=1, most=4)
 
-    ranges: ClassVar = {"length": Range(3e-4, 0.1, is_distance=True), "shape": Range(0.05, 1.0)}
+    ranges: ClassVar = {"length": Range(3e-4, 0.1, is_distance=True), "shape": Range(0.01, 1.0)}
     selection: ClassVar = SelectionUse(7, {"length": 3e-3, "choose": ("part", "length", "shape")})
 
     def __post_init__(self) -> None:

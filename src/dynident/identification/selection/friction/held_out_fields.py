@@ -10,8 +10,9 @@ Parts that ``choose`` names as a whole are added one by one, on all their drives
 held-out error, and the shortest list is kept that the best one does not improve on by more than chance. The fastest
 rows are one more block for them: a part has to go on beyond the speeds of the fit. A part with fields of its own
 beside the width is held against its absence with their best values. Where a part is taken, all fields are chosen once
-more beside it. Signs of dry friction that are left to the logs turn over one width on the same drive. Errors of
-blocks are compared by their ratios: a block of large torques has no more say than others.
+more beside it; where one that remembers is, so are the other parts. Signs of dry friction that are left to the logs
+turn over one width on the same drive. Errors of blocks are compared by their ratios: a block of large torques has no
+more say than others.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ def choose_fields(
     delay_is_free: bool = False,
     finest: Array | None = None,
     shared: SharedRows | None = None,
+    remembers: bool = False,
 ) -> tuple[DynamicModel, tuple[FieldChoice, ...]]:
     """Return the model with the stated or the best values of the fields that its parts leave to the logs, and why.
 
@@ -76,6 +78,7 @@ def choose_fields(
         delay_is_free: Whether a delay of the torque is free in what is compared.
         finest: Resolution of the positions of each drive, shape (n,), in rad or m; None where it is not known.
         shared: Rows that choices share whose logs differ in their delays alone; None for rows of their own.
+        remembers: Whether parts that remember are there, whatever ``choose`` says.
 
     Raises:
         BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
@@ -89,23 +92,14 @@ def choose_fields(
     shares = _shares_of_delay(model, logs)
     for blocks in (BLOCKS, OF_SHORT_LOGS):
         pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares, shared)
-        search = _FieldSearch(model, pooled, spans, progress)
+        search = _FieldSearch(model, pooled, spans, progress, remembers)
         if search.tells:
             break
-    found = search.fields()
-    decided = search.with_linear_parts()
+    found, decided = search.parts()
+    if not remembers and search.forget():
+        found, again = search.parts()
+        decided |= again
     if any(held.value for held in decided.values()):
-        found |= search.fields()
-    for p in range(len(model.friction)):
-        if p in search.absent and p not in decided:
-            decided[p] = search.with_part(p)
-            if decided[p].value:
-                found |= search.fields()
-    if dropped := search.without_stand_ins():
-        decided |= dropped
-        found = {key: held for key, held in found.items() if key[0] not in dropped}
-        found |= search.fields()
-    if dropped or any(held.value for held in decided.values()):
         found = search.polished(found)
     found |= {(p, WHOLE): held for p, held in decided.items()}
     there = sorted((p for p in range(len(search.heads)) if p not in search.absent), key=lambda p: search.heads[p])
@@ -135,9 +129,11 @@ class _FieldSearch:
         pooled: PooledLogs,
         spans: Mapping[tuple[int, str], tuple[float, float]],
         progress: Callable[[str], None],
+        remembers: bool = False,
     ) -> None:
         self.model, self.stated = model, model
-        self.absent = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
+        parts = enumerate(model.friction)
+        self.absent = tuple(p for p, part in parts if part.is_optional and not (remembers and part.lags))
         self.heads, self.apart = tuple(range(len(model.friction))), list[tuple[int, FieldChoice]]()
         self._pooled, self._spans, self._progress = pooled, spans, progress
 
@@ -155,6 +151,27 @@ class _FieldSearch:
             if p not in self.absent and p == group[0] and name == names[0]:
                 found |= {(p, each.field): each for each in self._chosen(group, names)}
         return found
+
+    def parts(self) -> tuple[dict[tuple[int, str], FieldChoice], dict[int, FieldChoice]]:
+        """Choose the fields of what is there, and which of the absent parts are put there; return both."""
+        found, decided = self.fields(), self.with_linear_parts()
+        if any(held.value for held in decided.values()):
+            found |= self.fields()
+        for p in range(len(self.stated.friction)):
+            if p in self.absent and p not in decided:
+                decided[p] = self.with_part(p)
+                if decided[p].value:
+                    found |= self.fields()
+        return found, decided
+
+    def forget(self) -> bool:
+        """Leave out again all that was chosen before a part that remembers; return whether there is one."""
+        optional = [p for p, head in enumerate(self.heads) if self.stated.friction[head].is_optional]
+        others = tuple(p for p in optional if not self.stated.friction[self.heads[p]].lags)
+        if not set(optional) - set(others) - set(self.absent):
+            return False
+        self.absent = others
+        return True
 
     def polished(self, found: dict[tuple[int, str], FieldChoice]) -> dict[tuple[int, str], FieldChoice]:
         """Return what was found with values made finer together: what is best of one hangs on the others.
@@ -202,30 +219,6 @@ class _FieldSearch:
         gaps = [(each - first) * (1.0 if p in chosen else -1.0) for p, each in zip(linear, errors, strict=True)]
         return {p: self._told(p, p in chosen, own) for p, own in zip(linear, gaps, strict=True)}
 
-    def without_stand_ins(self) -> dict[int, FieldChoice]:
-        """Leave out again what was taken before a part that remembers and says nothing beside it."""
-        present = [p for p in range(len(self.model.friction)) if p not in self.absent]
-        heads = dict.fromkeys(self.heads[p] for p in present)
-        open_ones = [p for p in heads if self.model.friction[p].is_optional and not self.model.friction[p].lags]
-        dropped: dict[int, FieldChoice] = {}
-        if not open_ones or not any(self.model.friction[p].lags for p in present):
-            return dropped
-        pool, full = self._pooled.pool(self.model.friction), self._drives(present)
-        tried = HeldOut.of(pool, full, [self._drives([p for p in present if self.heads[p] not in open_ones])])
-        while open_ones:
-            first, *others = tried.with_parts(
-                [self._drives([q for q in present if self.heads[q] != p]) for p in (None, *open_ones)]
-            ).errors()
-            gaps = [each - first for each in others]
-            k = int(np.argmin([np.mean(gap) for gap in gaps]))
-            if is_better(gaps[k]):
-                break
-            p = open_ones.pop(k)
-            dropped[p] = self._told(p, False, gaps[k])
-            present = [q for q in present if self.heads[q] != p]
-        self.absent = tuple(sorted((*self.absent, *self._of(dropped))))
-        return dropped
-
     def _told(self, p: int, is_taken: bool, gaps: Array | None) -> FieldChoice:
         """Return what is said of a part, from the logarithms of the blocks' errors without less those with it (B,)."""
         part = self.stated.friction[p]
@@ -263,19 +256,19 @@ class _FieldSearch:
         first, *others = tried.errors()
         k = int(np.argmin([np.mean(each) for each in others]))
         if better := is_better(gaps := first - others[k], least=OF_A_PART):
-            better = is_better(gaps := self._with_best_widths(tried) - others[k], least=OF_A_PART)
+            better = is_better(gaps := self._with_best_fields(tried) - others[k], least=OF_A_PART)
         if better:
             self.absent = tuple(other for other in self.absent if self.heads[other] != p)
             self.model = with_values(self.model, self._of([p]), points[k])
         return self._told(p, better, gaps)
 
-    def _with_best_widths(self, tried: HeldOut) -> Array:
-        """Return the errors (B + 1,) of the model with the widths that fit all rows best, the rows weighted alike.
+    def _with_best_fields(self, tried: HeldOut) -> Array:
+        """Return the errors (B + 1,) of the model with the fields that fit all rows best, the rows weighted alike.
 
-        A width that is stated, or taken from a coarse grid, and not quite right is no evidence for a part.
+        A value that is stated, or taken from a coarse grid, and not quite right is no evidence for a part.
         """
-        kept, groups = self.model, {self._group(q, name) for q, name in self._spans if name == "width"}
-        if there := [(group, "width") for group in sorted(groups) if not set(group) <= set(self.absent)]:
+        kept, groups = self.model, sorted({(self._group(*key), key[1]) for key in self._spans})
+        if there := [each for each in groups if not set(each[0]) <= set(self.absent)]:
             self._finer(there)
         errors, self.model = self._tried((), (), tried.weighed.weights).errors()[0], kept
         return errors
