@@ -178,17 +178,20 @@ def _friction(found: Recognised) -> list[str]:
         coulomb = f"  - coulomb: {{{width}, choose: width}}   # {say}; held-out data may choose another"
     lines = ["friction:", coulomb, "  - viscous", "  - offset"]
     is_plain_torque = found.effort == "torque" and "torque" not in found.on_motors
+    rotors = "  - rotor_inertia            # of the motors, seen at the joints"
     may_have_rotor = not _behind_the_gear(found)
     if found.is_large:
         text = "does a sensor behind the gear measure the torque? Then take this line out; it comes out small there"
         return [
             *lines,
-            *(["  - rotor_inertia            # of the motors, seen at the joints"] if not is_plain_torque else []),
+            *([rotors] if not is_plain_torque else []),
             *([offered("  - rotor_inertia", text)] if is_plain_torque and may_have_rotor else []),
             "  - degressive               # gears: sub-linear viscous friction",
             "  # load: friction that grows with the torque takes several passes; logs this large get one",
         ]
-    if may_have_rotor:
+    if not is_plain_torque:  # it is there; where it is left out, a delay that is not there takes its place
+        lines.append(rotors)
+    elif may_have_rotor:
         lines.append("  - rotor_inertia: {choose: part}   # of the motors, seen at the joints")
     return [
         *lines,
