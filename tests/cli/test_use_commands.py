@@ -18,6 +18,7 @@ from dynident import (
     Inertia,
     Log,
     identify,
+    read_estimate,
     read_log,
     read_robot,
     write_estimate,
@@ -142,6 +143,12 @@ def test_predict_writes_torques_and_bands(cell: Path, capsys: pytest.CaptureFixt
     assert np.std(rows["tau_model1"] - rows["tau_measured1"]) < 0.05 * np.std(rows["tau_measured1"])
     write_log(replace(recorded(read_robot("generic-scara"), 2, 3000), torque=None), "planned.csv")
     assert main(["predict", "estimate.json", "planned.csv", "-o", "tau2.csv", "--quiet"]) == 0
+    estimate = read_estimate(Path("estimate.json"))
+    assert estimate.columns is not None
+    commanded = replace(estimate.columns, q_ref=tuple(f"q_ref{i}" for i in range(1, 5)))
+    write_estimate(replace(estimate, columns=commanded), "commanded.json")  # a plan has no commands beside it
+    assert main(["predict", "commanded.json", "planned.csv", "-o", "tau3.csv", "--quiet"]) == 0
+    assert Path("tau3.csv").read_text() == Path("tau2.csv").read_text()
     assert main(["predict", "estimate.json", "clean.csv", "-o", "clean.csv"]) == 1
 
 

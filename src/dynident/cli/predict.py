@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _motion(path: str, columns: object, robot: object) -> Log:
-    """Return the log with torques where it has them; columns of torques and currents need not be there."""
+    """Return the log with torques where it has them; columns of torques, currents and commands need not be there."""
     from dataclasses import replace
     from typing import Any
 
@@ -97,8 +97,8 @@ def _motion(path: str, columns: object, robot: object) -> Log:
 
     own: Any = columns
     arm: Any = robot
-    both = ("torque", "current") if own.current is not None else ("torque",)
-    lenient = replace(own, optional=tuple(dict.fromkeys((*own.optional, *both))))
+    mapped = [name for name in ("current", "q_ref", "dq_ref") if getattr(own, name) is not None]
+    lenient = replace(own, optional=tuple(dict.fromkeys((*own.optional, "torque", *mapped))))
     try:
         return read_with(path, lenient, arm)
     except LogFormatError:

@@ -124,7 +124,8 @@ def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     names = fit.model.robot.joint_names
     told = ", ".join(f"{name} {value:+.2g}" for name, value in zip(names, blame.values, strict=True))
     evidence = f"Coulomb friction changes from start to end of the log by (N m or N): {told}"
-    return evidence, "warm the arm up first, or map temperatures (log: columns: temperature) and add friction"
+    step = "warm the arm up first, or add friction that follows: warm_up from a cold start, temperature if logged"
+    return evidence, step
 
 
 def _friction_curve(blame: Blame, fit: QuickFit) -> tuple[str, str]:
