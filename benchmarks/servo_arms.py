@@ -157,7 +157,7 @@ def _integrated(
         law: Duty per rad of error and its limit.
         means: Mean of the delayed command over each step, shape (steps, n), in rad.
         steps: Length of each step in s, shape (steps,).
-        on: 1 where the drives are on, shape (N,).
+        on: 1 where each drive is on, shape (N, n).
         q: Positions at first, shape (n,), in rad.
         held: Sample that each step follows, shape (steps,).
         seen: Written.
@@ -171,7 +171,7 @@ def _integrated(
         if held[k] != sample:
             sample = held[k]
             seen[sample] = q
-        h, is_on = steps[k], on[sample]
+        h, is_on = steps[k], on[sample]  # by joint
         for i in range(n):
             goal[i] += min(max(means[k, i] - goal[i], -slew[i] * h), slew[i] * h)
             q[i] += 0.5 * h * v[i]
@@ -181,13 +181,13 @@ def _integrated(
             mass[i, i] += armature[i]
         for i in range(n):
             duty = min(max(law[0] * (goal[i] - q[i]), -law[1]), law[1])
-            damping = viscous[i] + is_on * emf[i]
-            momentum[i] = h * (is_on * torque[i] * duty - bias[i] - 0.5 * damping * v[i])
+            damping = viscous[i] + is_on[i] * emf[i]
+            momentum[i] = h * (is_on[i] * torque[i] * duty - bias[i] - 0.5 * damping * v[i])
             for j in range(n):
                 momentum[i] += mass[i, j] * v[j]
             most[i] = h * (coulomb[i] + stribeck[i] * math.exp(-abs(v[i]) / fade[i]))
         for i in range(n):
-            mass[i, i] += 0.5 * h * (viscous[i] + is_on * emf[i])
+            mass[i, i] += 0.5 * h * (viscous[i] + is_on[i] * emf[i])
         _held(mass, momentum, most, v, impulse)
         for i in range(n):
             q[i] += 0.5 * h * v[i]
@@ -197,8 +197,9 @@ def _integrated(
 def arm_log(
     arm: VirtualArm, time: Array, command: Array, kp: float, enabled: BoolArray, step: float = STEP, counts: int = 4096
 ) -> ServoLog:
-    """Return the log of an arm that follows commands, each shape (N, n); all drives are on where ``enabled`` (N,)."""
+    """Return the log of an arm that follows commands (N, n); drives are on where ``enabled``, (N,) or (N, n)."""
     count, n = command.shape
+    enabled = np.broadcast_to(enabled.reshape(count, -1), (count, n)).copy()
     parts = np.maximum(1, np.ceil(np.diff(time) / step - 1e-9)).astype(int)
     held = np.repeat(np.arange(count - 1), parts)
     steps = (np.diff(time) / parts)[held]
@@ -224,7 +225,7 @@ def arm_log(
         q_ref=command,
         dq_ref=np.zeros_like(command),
         added=np.zeros_like(command),
-        enabled=np.repeat(enabled[:, None], n, axis=1),
+        enabled=enabled,
         supply=np.ones(count),
         failed=np.zeros((count, n), dtype=bool),
         kp=kp,

@@ -16,6 +16,7 @@ from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
 from dynident.actuators.rollout import FIRST, NONE, STEP, JointRecord, record_of, rolled_out, started
 from dynident.actuators.rollout_loop import START_Q, START_V
 from dynident.actuators.verdict import known_parameters, spread_of
+from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.model.robot import Robot
 
 
@@ -175,6 +176,15 @@ def test_derivatives_by_the_start_are_those_of_finite_differences(records: list[
     step = 1e-7 * np.eye(2)[place - START_Q]
     sides = [rolled_out(replace(record, start=record.start + sign * step), parameters()).q for sign in (1.0, -1.0)]
     np.testing.assert_allclose(exact, (sides[0] - sides[1]) / 2e-7, atol=1e-4 * np.abs(exact).max())
+
+
+def test_logs_that_hold_a_joint_leave_weight_to_those_that_move_it(robot: Robot) -> None:
+    """Its reading does not change in three of four logs, so that their errors are 0."""
+    bench, time = ServoBench(robot, preset("feetech_sts3215")), np.arange(0.0, 2.0, 0.005)
+    logs = [virtual_log(bench, parameters(), time, size * np.sin(6.0 * time), 4.0) for size in (0.8, 0.0, 0.0, 0.0)]
+    held = [record_of(log, 0, measured_loads(robot, log)[0], bench.law) for log in logs]
+    weights = log_weights(ServoProblem(tuple(held), ("armature",), FRICTION_MODELS["m1"]), parameters())
+    assert weights[0] > 0.05 * weights[1:].max()
 
 
 @pytest.mark.parametrize("first", [100, 560], ids=["slow", "fast"])

@@ -30,9 +30,8 @@ from dynident.actuators.joint_load import (
     motion_at,
 )
 from dynident.actuators.parameters import PLACE
-from dynident.actuators.rollout import JointRecord, record_of, rolled_out
+from dynident.actuators.rollout import JointRecord, encoder_step, record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
-from dynident.actuators.verdict import encoder_step
 from dynident.arrays import Array
 from dynident.model.robot import Robot
 

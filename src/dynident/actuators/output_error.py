@@ -11,7 +11,16 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from dynident.actuators.parameters import PARAMETERS, PLACE, FrictionModel
-from dynident.actuators.rollout import NONE, SEARCH, STEP, JointRecord, from_best_start, rolled_out, started
+from dynident.actuators.rollout import (
+    NONE,
+    SEARCH,
+    STEP,
+    JointRecord,
+    encoder_step,
+    from_best_start,
+    rolled_out,
+    started,
+)
 from dynident.actuators.rollout_loop import START_Q, START_V
 from dynident.arrays import Array, IntArray
 from dynident.errors import SolverFailed
@@ -28,6 +37,9 @@ _NEAR = 3.0
 
 #: Least root mean square error of a log, as a share of their median, that its weight goes by.
 _LEAST_SHARE = 0.5
+
+#: The same as a share of the step of the encoder.
+_LEAST_STEP = 0.1
 
 
 @dataclass(frozen=True)
@@ -247,11 +259,16 @@ def log_weights(problem: ServoProblem, parameters: Array) -> Array:
 
 
 def log_errors(problem: ServoProblem, parameters: Array) -> Array:
-    """Return the root mean square error of each log in rad, at least a share of their median, shape (logs,)."""
+    """Return the root mean square error of each log in rad, shape (logs,).
+
+    It is at least a share of their median, and of the encoder's step: where most logs hold the joint, and its reading
+    does not change, the others would have next to no weight, and the search would end where it begins.
+    """
     sizes = []
     for error in problem.residuals(parameters):
         sizes.append(float(np.sqrt(np.mean(np.minimum(np.nan_to_num(error**2, nan=10.0), 10.0)))))
-    return np.maximum(sizes, max(_LEAST_SHARE * float(np.median(sizes)), 1e-9))
+    least = _LEAST_STEP * encoder_step(problem.records)
+    return np.maximum(sizes, max(_LEAST_SHARE * float(np.median(sizes)), least, 1e-9))
 
 
 def _intervals(records: Sequence[JointRecord]) -> tuple[JointRecord, ...]:

@@ -228,6 +228,12 @@ def started(record: JointRecord, parameters: Array, first: int | None = None, lo
     return replace(record, start=part.start)
 
 
+def encoder_step(records: Sequence[JointRecord]) -> float:
+    """Return the median distance of neighbouring readings, in rad; of a joint that rests it is the encoder's step."""
+    levels = np.unique(np.round(np.concatenate([record.q[record.used] for record in records]), 9))
+    return float(np.median(np.diff(levels))) if len(levels) > 1 else 0.0
+
+
 def mean_errors(records: Sequence[JointRecord], parameters: Array, longest: float = SEARCH) -> Array:
     """Return the mean absolute position error of each roll-out, shape (logs,), in rad."""
     return np.array([mean_error(record, rolled_out(record, parameters, longest=longest).q) for record in records])

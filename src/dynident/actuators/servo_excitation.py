@@ -15,10 +15,10 @@ from dynident.actuators.linear_start import WEIGHTLESS, free_parameters, refinab
 from dynident.actuators.nominal_servo import RESOLUTION, NominalServo
 from dynident.actuators.output_error import ServoProblem
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
-from dynident.actuators.rollout import record_of, rolled_out
+from dynident.actuators.rollout import encoder_step, record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.servo_motions import KINDS, MOST_TURN, MotionFrame, ServoMotion, caught_release
-from dynident.actuators.verdict import Known, Spread, encoder_step, known_parameters, spread_of
+from dynident.actuators.verdict import Known, Spread, known_parameters, spread_of
 from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.arrays import Array
 from dynident.errors import BadOption

@@ -11,7 +11,7 @@ from scipy.special import ndtr, ndtri, stdtrit
 
 from dynident.actuators.output_error import ServoProblem, log_weights
 from dynident.actuators.parameters import PARAMETERS, PLACE
-from dynident.actuators.rollout import JointRecord
+from dynident.actuators.rollout import JointRecord, encoder_step
 from dynident.arrays import Array, BoolArray
 
 #: Confidence of the intervals.
@@ -312,12 +312,6 @@ def known_parameters(problem: ServoProblem, parameters: Array, spread: Spread) -
             partner = _partner(problem.free, spread.covariance, k, free, TOGETHER)
             found.append(Known(name, value, half, "weak", partner, ratio))
     return tuple(found)
-
-
-def encoder_step(records: Sequence[JointRecord]) -> float:
-    """Return the median distance of neighbouring readings, in rad; of a joint that rests it is the encoder's step."""
-    levels = np.unique(np.round(np.concatenate([record.q[record.used] for record in records]), 9))
-    return float(np.median(np.diff(levels))) if len(levels) > 1 else 0.0
 
 
 def _partner(names: Sequence[str], matrix: Array, k: int, free: Sequence[int], least: float = 0.0) -> str:
