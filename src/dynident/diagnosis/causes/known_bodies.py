@@ -39,8 +39,8 @@ SMALLEST = 1e-6
 CONTRADICTS = 1e-3
 
 #: Relative standard deviations of a robot model at first, at least, passes that look for them at most, and the relative
-#: change of these and of the variances at which they are found.
-FIRST, LEAST, SEARCHED, SETTLED = 0.1, 1e-5, 30, 1e-2
+#: change of these and of the variances at which they are found; share of its way that a step is taken to make at least.
+FIRST, LEAST, SEARCHED, SETTLED, SHORTEST = 0.1, 1e-5, 30, 1e-2, 0.1
 
 #: Share of a step to the straight lines of a load about new values that is gone, as they turn.
 HALF = 0.5
@@ -271,6 +271,7 @@ class Anchored(CauseSearch):
         beta = off = weights = prior = sizes = left = np.zeros(0)
         scaled = inverse = turn = np.zeros((0, 0))
         own, free = 1.0, np.setdiff1d(np.arange(len(products[1][0])), held)
+        last, slope = np.zeros((2, 2)), np.ones(2)
         for _ in range(SEARCHED if slot is not None or isinstance(known, NominalBodies) else PASSES):
             before = np.concatenate([variances, shares])
             grams, sides = products
@@ -293,7 +294,10 @@ class Anchored(CauseSearch):
             beta = (inverse @ (side / sizes)) / sizes
             variances = np.maximum(squares - 2 * sides @ beta + (grams @ beta) @ beta, 0.0) / counts + floors
             off, left = beta[held] - self._mean, np.diag(inverse)[held] / sizes[held] ** 2
-            shares = known.likelier(shares, prior, off, left)
+            place = np.stack([np.log(shares), np.log(known.likelier(shares, prior, off, left) / shares)])
+            if slot is None and last.any():  # a load, which moves too, makes other slopes
+                np.divide(last[1] - place[1], place[0] - last[0], out=slope, where=place[0] != last[0])
+            shares, last = np.maximum(np.exp(place[0] + place[1] / np.clip(slope, SHORTEST, 1.0)), LEAST), place
             moved = np.zeros(0) if slot is None else beta[slot] - load
             if np.all(np.abs(np.log(np.concatenate([variances, shares]) / before)) < SETTLED) and np.all(
                 np.abs(moved[:TOLD]) < SETTLED * np.abs(load[:TOLD]).max(initial=0.0)
@@ -308,9 +312,8 @@ class Anchored(CauseSearch):
             beta[slot] = turn @ beta[slot]
         told = self._slot(chosen, -1)[: self._told(chosen)]
         share = _share_of_bodies(information, np.diag(inverse) / sizes**2, free, told)
-        freedom = known.freedom(prior, left) / share**2
-        solved = Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise, freedom)
-        return solved, (variances, shares, load)
+        score, freedom = float(np.sum(np.log(variances))), known.freedom(prior, left) / share**2
+        return Solved(beta, variances, score, information, surprise, freedom), (variances, shares, load)
 
     def _slot(self, chosen: Sequence[int], which: int) -> IntArray:
         """Return where the coefficients of one of the chosen causes stand in the fit."""
