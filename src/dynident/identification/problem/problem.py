@@ -247,12 +247,11 @@ def _travel(joint: Joint) -> float:
     return min(span, LONGEST_TRAVEL) if 0.0 < span < np.inf else TRAVEL
 
 
-def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1.5e-8) -> None:
+def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) -> None:
     """Check that rows, weighted or chosen in whatever way, determine all base parameters.
 
     Raises:
-        PoorExcitation: A direction with unit columns is below ``tolerance`` of the strongest, by default the root of
-            the rounding: beyond that there is no covariance.
+        PoorExcitation: A direction with unit columns is below ``tolerance`` of the strongest.
     """
     norms = reduced.column_norms
     scale = np.where(norms > 0, norms, 1.0)
