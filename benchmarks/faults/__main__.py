@@ -6,6 +6,7 @@ import argparse
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 
 from benchmarks.faults.matrix import Outcome, alarms, outcomes
@@ -16,8 +17,15 @@ ENOUGH = 0.95
 
 
 def shown(outcome: Outcome) -> str:
-    mark = ("named" if outcome.figured else "FIGURE") if outcome.named else "MISSED"
+    mark = {"exact": "named", "wide": "WIDE", "false": "FALSE", "": "MISSED"}[outcome.grade]
     return f"  {outcome.kind:32} {outcome.strength:<10.3g} {mark:7} {'; '.join(outcome.said)}"
+
+
+def figured(grades: Counter[str]) -> str:
+    """Return how many were told with direction and figure, with a wide interval that holds it, and falsely."""
+    return (
+        f"{grades['exact']} with direction and figure, {grades['wide']} in a wide interval, {grades['false']} falsely"
+    )
 
 
 def main() -> None:
@@ -25,7 +33,7 @@ def main() -> None:
     parser.add_argument("robots", nargs="*")
     parser.add_argument("--only", default="", help="kinds whose name has one of these words, separated by commas")
     options = parser.parse_args()
-    total = named = figured = 0
+    total, named, grades = 0, 0, Counter[str]()
     with tempfile.TemporaryDirectory() as name:
         for robot, (trial, held) in robots(options.robots).items():
             begin, each = time.perf_counter(), []
@@ -35,12 +43,10 @@ def main() -> None:
                 each.append(outcome)
                 print(shown(outcome), flush=True)
             good = sum(outcome.named for outcome in each)
-            exact = sum(outcome.figured for outcome in each)
-            total, named, figured = total + len(each), named + good, figured + exact
-            took = time.perf_counter() - begin
-            print(f"{robot}: {good} of {len(each)} named rightly, {exact} with direction and figure, {took:.0f} s")
-    shares = [f"{count} of {total} ({100 * count / max(total, 1):.1f} %)" for count in (named, figured)]
-    print(f"{shares[0]} named rightly, {shares[1]} with direction and figure")
+            own = Counter(outcome.grade for outcome in each)
+            total, named, grades = total + len(each), named + good, grades + own
+            print(f"{robot}: {good} of {len(each)} named rightly, {figured(own)}, {time.perf_counter() - begin:.0f} s")
+    print(f"{named} of {total} named rightly ({100 * named / max(total, 1):.1f} %), {figured(grades)}")
     sys.exit(0 if named >= ENOUGH * total else 1)
 
 

@@ -3,7 +3,8 @@
 A figure is right within 5 %, or inside a stated 95 % interval whose half is at most 10 % of it. Figures of scales and
 clocks are factors; besides, these must be off one on the right side. A direction of gravity is right where its distance
 from the true one is that share of what the stated one is off. Signs and orders are right where the edit that is asked
-for gives the log without the fault back. What the clean log says already counts as right of a recorded one.
+for gives the log without the fault back. What the clean log says already is a part of the right figure. A figure whose
+interval is wider and holds the right one is no figure, and not false; one beside its interval is false.
 """
 
 from __future__ import annotations
@@ -42,15 +43,24 @@ class Stated:
     half: float = 0.0
     nothing: complex | np.ndarray = 0.0
 
-    def is_right(self, wanted: complex | np.ndarray) -> bool:
-        """Return whether the value is near the right one, or its narrow interval holds it, on the right side."""
-        is_factor = np.ndim(self.value) == 0 and self.nothing == 1.0
+    def grade(self, wanted: complex | np.ndarray) -> str:
+        """Return ``exact`` where it is near the right one or a narrow interval holds that, else ``wide`` or ``false``.
+
+        A factor on the wrong side of one is false.
+        """
         away, error = (float(np.linalg.norm(np.atleast_1d(wanted - each))) for each in (self.nothing, self.value))
-        if is_factor:
+        if self.is_factor:
             if (np.real(self.value) - 1.0) * (np.real(wanted) - 1.0) < 0.0:
-                return False
+                return "false"
             away = abs(wanted)
-        return bool(error <= (EXACT + PRINTED) * away or (self.half <= WIDE * away and error <= self.half))
+        if error <= (EXACT + PRINTED) * away or (self.half <= WIDE * away and error <= self.half):
+            return "exact"
+        return "wide" if error <= self.half else "false"
+
+    @property
+    def is_factor(self) -> bool:
+        """Whether the value is a factor, 1 without a fault."""
+        return np.ndim(self.value) == 0 and self.nothing == 1.0
 
 
 def stated(finding: Finding, trial: Trial) -> Stated | None:
@@ -113,7 +123,9 @@ class CleanLog:
 
     def says(self, finding: Finding, nothing: complex | np.ndarray) -> complex | np.ndarray:
         """Return the figure of such a finding on the clean log; ``nothing`` where it has none."""
-        fit = self.subject.fit
+        fit, delay = self.subject.fit, self.subject.delay
+        if finding.name == "torque delay" and delay is not None:
+            return delay.seconds
         if finding.name == "torque unit" and fit is not None:
             theta = fit.model.nominal()
             return nothing if theta is None else against_nominal(fit, theta, None)[0]
@@ -125,21 +137,23 @@ class CleanLog:
         return nothing if found is None else found.value
 
 
-def states(finding: Finding, wanted: Wanted, faulty: Trial, clean: CleanLog) -> bool:
-    """Return whether a finding on the faulty log states what it has to."""
+def grade(finding: Finding, wanted: Wanted | None, faulty: Trial, clean: CleanLog) -> str:
+    """Return how a finding on the faulty log states what it has to: ``exact``, ``wide`` or ``false``."""
+    if wanted is None:
+        return "exact"
     if finding.name == "scale not determined":
-        return any(one.name == finding.name for one in clean.findings)
+        return "exact" if any(one.name == finding.name for one in clean.findings) else "false"
     if isinstance(wanted, str):
-        return wanted in finding.remedy
+        return "exact" if wanted in finding.remedy else "false"
     if isinstance(wanted, Trial):
-        return _restores(finding, faulty, wanted)
+        return "exact" if _restores(finding, faulty, wanted) else "false"
     found = stated(finding, faulty)
     if found is None:
-        return False
+        return "false"
     already = clean.says(finding, found.nothing)
     if isinstance(wanted, np.ndarray):
-        return found.is_right(wanted if already is found.nothing else already)
-    return found.is_right(wanted * already if found.nothing == 1.0 else wanted + already)
+        return found.grade(wanted if already is found.nothing else already)
+    return found.grade(wanted * already if found.is_factor else wanted + already)
 
 
 def _restores(finding: Finding, faulty: Trial, right: Trial) -> bool:

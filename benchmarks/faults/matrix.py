@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.faults.effect import Reference, reference, smallest
-from benchmarks.faults.figures import CleanLog, states
+from benchmarks.faults.figures import CleanLog, grade
 from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.trials import Trial, subject_of
 from dynident.diagnosis.checks import Finding
@@ -21,18 +21,21 @@ MULTIPLES = (1.0, 2.0, 4.0)
 #: A finding that the clean log has as well counts where a figure of it moved by this share.
 MOVED = 0.2
 
+#: How a figure is stated, the best first: right, in an interval that is wide, or beside its interval.
+GRADES = ("exact", "wide", "false")
+
 #: What is right of a torque whose scale no log of this robot and motion tells, the clean one among them.
 OPEN = "scale not determined"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One fault in one log: whether it was named, with direction and figure where it has one, and all that was said."""
+    """One fault in one log: whether it was named, how its direction and figure were stated, and all that was said."""
 
     kind: str
     strength: float
     named: bool
-    figured: bool
+    grade: str
     said: tuple[str, ...]
     searched: bool
 
@@ -91,9 +94,10 @@ def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "") -> Iterato
             said = tuple(f"{one.severity}: {one.name}" + (f" ({one.joint})" * bool(one.joint)) for one in found)
             right = naming(kind, joint_of(kind, trial, strength), found, clean.findings)
             wanted = None if kind.states is None else kind.states(trial, strength)
-            figured = [one for one in right if wanted is None or states(one, wanted, faulty, clean)]
-            said += tuple(one.evidence for one in right if not figured)
-            yield Outcome(kind.name, strength, bool(right), bool(figured), said, searched)
+            grades = {grade(one, wanted, faulty, clean) for one in right}
+            best = next((word for word in GRADES if word in grades), "")
+            said += tuple(one.evidence for one in right if best != "exact")
+            yield Outcome(kind.name, strength, bool(right), best, said, searched)
 
 
 def alarms(trial: Trial, held: Trial, folder: Path) -> Mapping[str, int]:

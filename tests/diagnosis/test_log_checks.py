@@ -16,7 +16,7 @@ import scipy.stats
 sys.path.append(str(Path(__file__).parents[2]))  # the benchmark puts the same faults into full-size arms
 
 from benchmarks.faults import injections as put
-from benchmarks.faults.figures import CleanLog, states
+from benchmarks.faults.figures import CleanLog, grade
 from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.matrix import joint_of, naming
 from benchmarks.faults.trials import Trial, subject_of, virtual
@@ -108,9 +108,8 @@ def test_a_fault_is_named_with_direction_and_figure(kind: Kind, trial: Trial, cl
     found = faulty.examined(tmp_path).findings
     right = naming(kind, joint_of(kind, trial, strength), found, clean.findings)
     assert right, [finding.line() for finding in found]
-    if kind.states is not None:
-        wanted = kind.states(trial, strength)
-        assert any(states(one, wanted, faulty, clean) for one in right), (wanted, [one.line() for one in right])
+    wanted = None if kind.states is None else kind.states(trial, strength)
+    assert "exact" in {grade(one, wanted, faulty, clean) for one in right}, (wanted, [one.line() for one in right])
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2])

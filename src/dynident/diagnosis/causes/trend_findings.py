@@ -122,7 +122,11 @@ def _drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
 
 def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     names = fit.model.robot.joint_names
-    told = ", ".join(f"{name} {value:+.2g}" for name, value in zip(names, blame.values, strict=True))
+    figures = zip(names, blame.values, blame.half_widths, strict=True)
+    there = np.abs(blame.cause.columns).max(axis=(1, 2)) > 0.0  # joints that hardly move have no column
+    told = ", ".join(
+        f"{name} {value:+.2g} +- {half:.1g}" for (name, value, half), told in zip(figures, there, strict=True) if told
+    )
     evidence = f"Coulomb friction changes from start to end of the log by (N m or N): {told}"
     step = "warm the arm up first, or add friction that follows: warm_up from a cold start, temperature if logged"
     return evidence, step
