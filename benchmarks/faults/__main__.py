@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks.faults.matrix import Outcome, alarms, outcomes
-from benchmarks.faults.trials import robots
+from benchmarks.faults.trials import REAL, robots
 
 #: Share of the faults that must be named.
 ENOUGH = 0.95
@@ -39,7 +39,7 @@ def main() -> None:
             begin, each = time.perf_counter(), []
             counts = alarms(trial, held, Path(name))
             print(f"{robot}: clean: " + ", ".join(f"{count} {severity}s" for severity, count in counts.items()))
-            for outcome in outcomes(trial, held, Path(name), options.only):
+            for outcome in outcomes(trial, held, Path(name), options.only, robot in REAL):
                 each.append(outcome)
                 print(shown(outcome), flush=True)
             good = sum(outcome.named for outcome in each)

@@ -10,7 +10,7 @@ interval is wider and holds the right one is no figure, and not false; one besid
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,7 +122,7 @@ class CleanLog:
     findings: tuple[Finding, ...]
 
     def says(self, finding: Finding, nothing: complex | np.ndarray) -> complex | np.ndarray:
-        """Return the figure of such a finding on the clean log; ``nothing`` where it has none."""
+        """Return the figure of such a finding on the clean log; ``nothing`` where it tells none."""
         fit, delay = self.subject.fit, self.subject.delay
         if finding.name == "torque delay" and delay is not None:
             return delay.seconds
@@ -137,8 +137,36 @@ class CleanLog:
         return nothing if found is None else found.value
 
 
-def grade(finding: Finding, wanted: Wanted | None, faulty: Trial, clean: CleanLog) -> str:
-    """Return how a finding on the faulty log states what it has to: ``exact``, ``wide`` or ``false``."""
+def between(finding: Finding, sides: Sequence[tuple[Trial, Sequence[Finding]]]) -> complex | np.ndarray | None:
+    """Return the figure of a recorded log without a fault, by what is told with it put in and with it taken out.
+
+    What a recorded log has of itself is not told where it is small, and adds to the fault all the same. None where it
+    is not told on both sides.
+    """
+    found = [
+        stated(one, trial)
+        for trial, findings in sides
+        for one in findings
+        if (one.name, one.joint) == (finding.name, finding.joint)
+    ]
+    figures = [one for one in found if one is not None]
+    if len(figures) != len(sides):
+        return None
+    values = np.array([one.value for one in figures])
+    return np.sqrt(np.prod(values)) if figures[0].is_factor else values.mean(axis=0)
+
+
+def grade(
+    finding: Finding,
+    wanted: Wanted | None,
+    faulty: Trial,
+    clean: CleanLog,
+    own: complex | np.ndarray | None = None,
+) -> str:
+    """Return how a finding on the faulty log states what it has to: ``exact``, ``wide`` or ``false``.
+
+    ``own`` is the figure of a recorded log without the fault; None for what is told of the clean one.
+    """
     if wanted is None:
         return "exact"
     if finding.name == "scale not determined":
@@ -150,7 +178,7 @@ def grade(finding: Finding, wanted: Wanted | None, faulty: Trial, clean: CleanLo
     found = stated(finding, faulty)
     if found is None:
         return "false"
-    already = clean.says(finding, found.nothing)
+    already = clean.says(finding, found.nothing) if own is None else own
     if isinstance(wanted, np.ndarray):
         return found.grade(wanted if already is found.nothing else already)
     return found.grade(wanted * already if found.is_factor else wanted + already)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.faults.effect import Reference, reference, smallest
-from benchmarks.faults.figures import CleanLog, grade
+from benchmarks.faults.figures import CleanLog, between, grade
 from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.trials import Trial, subject_of
 from dynident.diagnosis.checks import Finding
 from dynident.diagnosis.finding import SEVERITIES
+from dynident.identification.estimate.estimate import Estimate
 
 #: Multiples of the smallest strength that are tried.
 MULTIPLES = (1.0, 2.0, 4.0)
@@ -80,14 +82,15 @@ def _is_new(finding: Finding, known: Finding | None) -> bool:
     )
 
 
-def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "") -> Iterator[Outcome]:
-    """Yield the outcome of each kind at each strength on a robot."""
+def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "", recorded: bool = False) -> Iterator[Outcome]:
+    """Yield the outcome of each kind at each strength on a robot; figures of a ``recorded`` log count what it has."""
     earlier, against = held.estimate(folder), reference(trial, held, folder)
     clean = CleanLog(trial, subject_of(trial, folder), trial.examined(folder, earlier).findings)
     for kind in KINDS:
         if not any(word in kind.name for word in only.split(",")) or (kind.needs and kind.needs not in trial.columns):
             continue
         tried, searched = strengths(kind, trial, against, folder)
+        sides = partial(_both_sides, kind, trial, max(tried), earlier, folder)
         for strength in tried:
             faulty = kind.inject(trial, strength, np.random.default_rng(1))
             found = faulty.examined(folder, earlier).findings
@@ -95,9 +98,19 @@ def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "") -> Iterato
             right = naming(kind, joint_of(kind, trial, strength), found, clean.findings)
             wanted = None if kind.states is None else kind.states(trial, strength)
             grades = {grade(one, wanted, faulty, clean) for one in right}
+            if grades and "exact" not in grades and recorded and kind.between:
+                grades = {grade(one, wanted, faulty, clean, between(one, sides())) for one in right}
             best = next((word for word in GRADES if word in grades), "")
             said += tuple(one.evidence for one in right if best != "exact")
             yield Outcome(kind.name, strength, bool(right), best, said, searched)
+
+
+def _both_sides(
+    kind: Kind, trial: Trial, strength: float, earlier: Estimate, folder: Path
+) -> list[tuple[Trial, Sequence[Finding]]]:
+    """Return a log with a fault put in and with it taken out, each with its findings."""
+    logs = [kind.inject(trial, size, np.random.default_rng(1)) for size in (strength, -strength)]
+    return [(log, log.examined(folder, earlier).findings) for log in logs]
 
 
 def alarms(trial: Trial, held: Trial, folder: Path) -> Mapping[str, int]:
