@@ -137,23 +137,21 @@ class CleanLog:
         return nothing if found is None else found.value
 
 
-def between(finding: Finding, sides: Sequence[tuple[Trial, Sequence[Finding]]]) -> complex | np.ndarray | None:
-    """Return the figure of a recorded log without a fault, by what is told with it put in and with it taken out.
+def without_fault(finding: Finding, twice: Sequence[tuple[Trial, Sequence[Finding]]]) -> complex | np.ndarray | None:
+    """Return the figure of a recorded log without a fault, by what is told with some of it and with twice as much.
 
     What a recorded log has of itself is not told where it is small, and adds to the fault all the same. None where it
-    is not told on both sides.
+    is not told both times.
     """
-    found = [
-        stated(one, trial)
-        for trial, findings in sides
-        for one in findings
-        if (one.name, one.joint) == (finding.name, finding.joint)
-    ]
-    figures = [one for one in found if one is not None]
-    if len(figures) != len(sides):
+    key = (finding.name, finding.joint)
+    once, more = (
+        next((stated(one, trial) for one in findings if (one.name, one.joint) == key), None)
+        for trial, findings in twice
+    )
+    if once is None or more is None:
         return None
-    values = np.array([one.value for one in figures])
-    return np.sqrt(np.prod(values)) if figures[0].is_factor else values.mean(axis=0)
+    values = np.asarray(once.value), np.asarray(more.value)
+    return values[0] ** 2 / values[1] if once.is_factor else 2.0 * values[0] - values[1]
 
 
 def grade(

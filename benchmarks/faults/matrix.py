@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.faults.effect import Reference, reference, smallest
-from benchmarks.faults.figures import CleanLog, between, grade
+from benchmarks.faults.figures import CleanLog, grade, without_fault
 from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.trials import Trial, subject_of
 from dynident.diagnosis.checks import Finding
@@ -90,7 +90,7 @@ def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "", recorded: 
         if not any(word in kind.name for word in only.split(",")) or (kind.needs and kind.needs not in trial.columns):
             continue
         tried, searched = strengths(kind, trial, against, folder)
-        sides = partial(_both_sides, kind, trial, max(tried), earlier, folder)
+        twice = partial(_twice, kind, trial, max(tried), earlier, folder)
         for strength in tried:
             faulty = kind.inject(trial, strength, np.random.default_rng(1))
             found = faulty.examined(folder, earlier).findings
@@ -99,17 +99,17 @@ def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "", recorded: 
             wanted = None if kind.states is None else kind.states(trial, strength)
             grades = {grade(one, wanted, faulty, clean) for one in right}
             if grades and "exact" not in grades and recorded and kind.between:
-                grades = {grade(one, wanted, faulty, clean, between(one, sides())) for one in right}
+                grades = {grade(one, wanted, faulty, clean, without_fault(one, twice())) for one in right}
             best = next((word for word in GRADES if word in grades), "")
             said += tuple(one.evidence for one in right if best != "exact")
             yield Outcome(kind.name, strength, bool(right), best, said, searched)
 
 
-def _both_sides(
+def _twice(
     kind: Kind, trial: Trial, strength: float, earlier: Estimate, folder: Path
 ) -> list[tuple[Trial, Sequence[Finding]]]:
-    """Return a log with a fault put in and with it taken out, each with its findings."""
-    logs = [kind.inject(trial, size, np.random.default_rng(1)) for size in (strength, -strength)]
+    """Return a log with a fault and with twice as much of it, each with its findings."""
+    logs = [kind.inject(trial, size, np.random.default_rng(1)) for size in (strength, 2 * strength)]
     return [(log, log.examined(folder, earlier).findings) for log in logs]
 
 
