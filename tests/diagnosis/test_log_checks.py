@@ -331,7 +331,8 @@ def test_an_earlier_estimate_of_a_clean_log_changes_nothing_and_one_of_another_r
     trial: Trial, clean: CleanLog, tmp_path: Path
 ) -> None:
     earlier = virtual(trial.case, seed=4, rate=RATE).estimate(tmp_path)
-    assert trial.examined(tmp_path, earlier).findings == clean.findings
+    said = [[one.line() for one in found] for found in (trial.examined(tmp_path, earlier).findings, clean.findings)]
+    assert said[0] == said[1]  # figures as told: the last bits of sums depend on where arrays lie
     (found,) = [one for one in put.other_arm(trial, 0).examined(tmp_path, earlier).findings if one.severity == "error"]
     assert found.name == "another robot" and "or its axis is turned by 120 degrees" in found.evidence
 
