@@ -99,7 +99,7 @@ def choose_fields(
     if not remembers and search.forget():
         found, again = search.parts()
         decided |= again
-    if any(held.value for held in decided.values()):
+    if remembers or any(held.value for held in decided.values()):
         found = search.polished(found)
     found |= {(p, WHOLE): held for p, held in decided.items()}
     there = sorted((p for p in range(len(search.heads)) if p not in search.absent), key=lambda p: search.heads[p])
