@@ -92,7 +92,7 @@ def test_right_logs_have_no_finding_together(trials: list[Trial], tmp_path: Path
 def test_a_cause_that_logs_share_is_told_once(trials: list[Trial], tmp_path: Path) -> None:
     faulty = [scaled(trial, 1, 1.2) for trial in trials[:2]]
     first, second, together = examine_logs(trials[0].case, written(faulty, tmp_path))
-    assert together.path == "both logs"
+    assert together.path == "both logs" and together.figures()["logs"] == [first.path, second.path]
     (error,) = [finding for finding in together.findings if finding.severity == "error"]
     assert error.name == "torque scale" and error.joint == trials[0].case.robot.joint_names[1]
     assert all(finding.severity != "error" for one in (first, second) for finding in one.findings)
@@ -102,7 +102,7 @@ def test_a_log_that_is_unlike_the_others_is_left_to_itself(trials: list[Trial], 
     joint = trials[0].case.robot.joint_names[1]
     mixed = [trials[0], turned(trials[1], 1), trials[2]]
     first, second, third, together = examine_logs(trials[0].case, written(mixed, tmp_path))
-    assert together.path == "2 of 3 logs" and together.sound and first.sound and third.sound
+    assert together.path == "2 of 3 logs (run0.npz, run2.npz)" and together.sound and first.sound and third.sound
     alone = examine(trials[0].case, str(mixed[1].written(tmp_path, "alone")))
     assert ("error", "torque sign", joint) in {(one.severity, one.name, one.joint) for one in second.findings}
     assert [one.figures() for one in second.findings] == [one.figures() for one in alone.findings]
@@ -115,7 +115,7 @@ def test_what_only_tells_a_log_from_the_others_is_told(trials: list[Trial], tmp_
     tau[:, 2] += 6.0 * np.tanh(speed / 0.01)
     mixed = [trials[0], trials[1].with_columns(tau=tau), trials[2]]
     first, second, third, together = examine_logs(trials[0].case, written(mixed, tmp_path))
-    assert together.path == "2 of 3 logs"
+    assert together.path == "2 of 3 logs (run0.npz, run2.npz)"
     (finding,) = [one for one in second.findings if one.name == "unlike other logs"]
     assert finding.severity == "warning" and finding.joint == trials[0].case.robot.joint_names[2]
     assert not any(one.name == "unlike other logs" for each in (first, third, together) for one in each.findings)
@@ -128,11 +128,26 @@ def test_of_two_logs_that_differ_each_is_examined_alone(trials: list[Trial], tmp
     assert all(finding.name != "unlike other logs" for one in (first, second) for finding in one.findings)
 
 
+def test_two_logs_that_contradict_each_other_say_so(trials: list[Trial], tmp_path: Path) -> None:
+    """Torques of all joints in another unit: no log shows it alone."""
+    mixed = [trials[0], trials[1].with_columns(tau=1.6 * trials[1].columns["tau"])]
+    found = examine_logs(trials[0].case, written(mixed, tmp_path))
+    assert len(found) == 2
+    for one in found:
+        (finding,) = [each for each in one.findings if each.name == "unlike other logs"]
+        assert finding.severity == "warning" and finding.evidence.startswith("no two logs agree")
+
+
 def test_a_log_that_cannot_be_read_keeps_its_place(trials: list[Trial], tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text("t,q1\n0,one\n", encoding="utf-8")
     paths = written(trials[:2], tmp_path)
     found = examine_logs(trials[0].case, [paths[0], str(tmp_path / "bad.csv"), paths[1]])
-    assert [Path(one.path).name for one in found] == ["run0.npz", "bad.csv", "run1.npz", "2 of 3 logs"]
+    assert [Path(one.path).name for one in found] == [
+        "run0.npz",
+        "bad.csv",
+        "run1.npz",
+        "2 of 3 logs (run0.npz, run1.npz)",
+    ]
     assert [finding.name for finding in found[1].findings] == ["unreadable"]
 
 
@@ -146,6 +161,6 @@ def test_a_log_without_torque_has_no_part(trials: list[Trial], tmp_path: Path) -
     first, second, third, together = examine_logs(
         trials[0].case, written([trials[0], trials[1].without("tau"), trials[2]], tmp_path)
     )
-    assert together.path == "2 of 3 logs" and together.sound
+    assert together.path == "2 of 3 logs (run0.npz, run2.npz)" and together.sound
     assert [one.name for one in second.findings] == ["no torque"] or second.left_out
     assert not any(one.name == "unlike other logs" for each in (first, second, third) for one in each.findings)

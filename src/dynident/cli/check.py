@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
         from dynident.cli import actuators
 
         return actuators.check(case, options)
-    names = tuple(options.logs) or tuple(dict.fromkeys((*case.train, *case.test)))
+    names = tuple(dict.fromkeys(options.logs or (*case.train, *case.test)))
     if not names:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
     if options.fix:

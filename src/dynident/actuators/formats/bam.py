@@ -58,14 +58,22 @@ class Bam(LogFormat):
         return replace(ArrayTable.of(path, digest, "JSON of BAM", found), load=arrays.__getitem__)
 
 
+def _number(value: Any, name: str, entry: int) -> float:
+    if isinstance(value, bool | int | float):
+        return float(value)
+    raise ValueError(f"{name} of entry {entry + 1} is {value!r}, no number")
+
+
 def _columns(data: Any) -> dict[str, Array]:
     """Return the columns of a log, each (N,): the gain where the log states one."""
     entries = data["entries"]
     found = {
-        column: np.array([float(entry.get(name, fallback)) for entry in entries])
+        column: np.array([_number(entry.get(name, fallback), name, k) for k, entry in enumerate(entries)])
         for column, (name, fallback) in _SIGNALS.items()
     }
     rows = len(entries)
+    if not rows:
+        raise ValueError("there is no entry")
     if np.isnan(found["t"]).all() and "dt" in data:
         found["t"] = np.arange(rows) * float(data["dt"])
     if data.get("kp") is not None:

@@ -69,7 +69,9 @@ class ModelError:
         gram = sum((own.T @ own for own in columns), np.zeros((size, size)))
         scale = np.sqrt(np.diag(gram))
         scale[scale == 0.0] = 1.0
-        inverse = np.linalg.inv(gram / np.outer(scale, scale) + RIDGE * np.eye(size)) / np.outer(scale, scale)
+        inverse = np.linalg.pinv(gram / np.outer(scale, scale) + RIDGE * np.eye(size), hermitian=True) / np.outer(
+            scale, scale
+        )
         with_error = together = independent = doubt = 0.0
         for own, residual, factor in zip(columns, residuals, factors, strict=True):
             influence, counts = own @ inverse[:, -1], np.any(own != 0.0, axis=1).astype(float)

@@ -185,7 +185,7 @@ def _linear(fit: QuickFit, joint: int) -> list[float]:
         gram[:size, size] = gram[size, :size] = -weights[joint] * products.sides[joint, :, joint]
         gram[size, size] += weights[joint] * at_joint[joint]
         scale = np.sqrt(np.diag(gram))
-        found = float(np.linalg.solve(gram / np.outer(scale, scale), side / scale)[-1] / scale[-1])
+        found = float(np.linalg.lstsq(gram / np.outer(scale, scale), side / scale)[0][-1] / scale[-1])
         if not found > 0:
             return []
         factor = found

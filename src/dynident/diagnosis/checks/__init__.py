@@ -39,6 +39,9 @@ _MENDABLE = ("values that are not finite", "repeated rows", "rows out of order",
 #: Duration in s of logs that are fitted together at most; of more logs the next ones are another fit.
 LONGEST_S = 1200.0
 
+#: Logs that are named at most where some are examined together.
+NAMED = 4
+
 #: Times by which parameters of the other logs raise the residual of a log from which that is a warning.
 UNLIKE_GRAVELY = 3.0
 
@@ -52,12 +55,14 @@ class Examination:
         findings: Gravest first.
         left_out: Why checks were left out; empty where all were made.
         repaired: The log after the safe repairs; None where it could not be read.
+        logs: The logs that were examined together; empty for one log.
     """
 
     path: str
     findings: tuple[Finding, ...]
     left_out: str = ""
     repaired: Repaired | None = None
+    logs: tuple[str, ...] = ()
 
     @property
     def sound(self) -> bool:
@@ -70,6 +75,7 @@ class Examination:
             "path": self.path,
             "sound": self.sound,
             "left_out": self.left_out,
+            **({"logs": list(self.logs)} if self.logs else {}),
             "findings": [finding.figures() for finding in self.findings],
         }
 
@@ -143,7 +149,8 @@ def examine_recordings(
         together = _of_fits(last, group)
         if together:
             name = _named(together, total or len(seen), len(groups) > 1)
-            more.append(Examination(name, ordered(together[0].others)))
+            members = tuple(one.subject.raw.log.name for one in together)
+            more.append(Examination(name, ordered(together[0].others), logs=members))
     return (*(one.examination() for one in seen), *more)
 
 
@@ -194,11 +201,12 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> list[_Ex
     apart = [(one, ratios) for one, ratios in zip_longest(group, pooled.ratios) if one not in together]
     for one, _ in apart:
         one.found += _of_stage(checks, one.subject, one.found)
-    shared = [finding.severity for one in together[:1] for finding in one.others]
-    told = [finding.severity for one in group for finding in one.found]
-    if together and "error" not in (*shared, *told):  # else that is why logs differ
-        for one, ratios in ((one, ratios) for one, ratios in apart if ratios.max() > UNLIKE):
-            one.found.append(_unlike(one.subject.case, ratios, "warning" in shared))
+    told = [finding for one in group for finding in (*one.found, *one.others)]
+    shared = [finding for finding in told if finding in (together[0].others if together else told)]
+    why = any(finding.severity == "warning" or finding.name == "friction curve" for finding in shared)
+    if not any(finding.severity == "error" for finding in told):  # else that is why logs differ
+        for one, ratios in ((one, ratios) for one, ratios in apart if ratios is not None and ratios.max() > UNLIKE):
+            one.found.append(_unlike(one.subject.case, ratios, bool(together), why))
     return together
 
 
@@ -207,7 +215,9 @@ def _named(together: Sequence[_ExaminedLog], total: int, is_part: bool) -> str:
     if is_part:
         return f"{len(together)} of {total} logs, from {PurePath(together[0].subject.raw.log.name).name} on"
     if len(together) < total:
-        return f"{len(together)} of {total} logs"
+        names = [PurePath(one.subject.raw.log.name).name for one in together]
+        told = names if len(names) <= NAMED else [*names[: NAMED - 1], "..."]
+        return f"{len(together)} of {total} logs ({', '.join(told)})"
     return "both logs" if total == 2 else f"all {total} logs"
 
 
@@ -225,21 +235,25 @@ def _of_signals(checks: Sequence[Check], case: Case, recording: Recording, earli
     return _ExaminedLog(subject, repaired, found)
 
 
-def _unlike(case: Case, ratios: Array, shared: bool) -> Finding:
-    """Return what is said of a log that the parameters of the others do not explain.
+def _unlike(case: Case, ratios: Array, others_agree: bool, why: bool) -> Finding:
+    """Return what is said of a log that parameters of others do not explain.
 
     Args:
         case: Robot.
         ratios: Of the residual variances of its joints, shape (n,).
-        shared: Whether the other logs have a cause of a warning, which may be why.
+        others_agree: Whether the other logs, or some of them, have the same parameters.
+        why: Whether there is another cause that may be why.
     """
     times = np.sqrt(ratios)
     joint = int(np.argmax(times))
-    evidence = (
-        f"with parameters of the other logs its residual is {times[joint]:.2g} times that with parameters of its own"
+    others = "parameters of the other logs" if others_agree else "parameters that logs share"
+    evidence = f"with {others} its residual is {times[joint]:.3g} times that with parameters of its own"
+    evidence = evidence if others_agree else f"no two logs agree: {evidence}"
+    remedy = (
+        "make sure that load, mounting, gains, zeros and units are those of the other logs, and that the friction "
+        "model holds at its speeds; else give it a case of its own"
     )
-    remedy = "make sure that load, mounting, gains and units are those of the other logs, or give it a case of its own"
-    severity: Severity = "warning" if times[joint] > UNLIKE_GRAVELY and not shared else "note"
+    severity: Severity = "warning" if times[joint] > UNLIKE_GRAVELY and not why else "note"
     name, numbers = case.robot.joint_names[joint], {"times": float(times[joint])}
     return Finding(severity, "unlike other logs", name, evidence, remedy, numbers)
 
