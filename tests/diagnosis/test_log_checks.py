@@ -67,14 +67,6 @@ STRENGTHS = {
 
 
 @pytest.fixture(scope="module")
-def case(spatial_3r: Robot) -> Case:
-    joints = tuple(replace(joint, damping=2.0, friction=3.0) for joint in spatial_3r.joints)
-    robot = replace(spatial_3r, joints=joints)
-    friction = tuple(FRICTION.make(name) for name in default_friction())
-    return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
-
-
-@pytest.fixture(scope="module")
 def trial(case: Case) -> Trial:
     return virtual(case, rate=RATE)
 

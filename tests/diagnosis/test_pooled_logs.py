@@ -1,6 +1,5 @@
 """Several logs of one case: what a fit shows is looked for in those together that one set of parameters explains."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,21 +7,9 @@ import pytest
 from benchmarks.faults.trials import Trial, virtual
 
 from dynident.case.case import Case
-from dynident.data.formats import ColumnMap
-from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.pooled_logs import pooled_fit, pooled_logs
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.checks import examine, examine_logs
-from dynident.model.friction import FRICTION, default_friction
-from dynident.model.robot import Robot
-
-
-@pytest.fixture(scope="module")
-def case(spatial_3r: Robot) -> Case:
-    joints = tuple(replace(joint, damping=2.0, friction=3.0) for joint in spatial_3r.joints)
-    robot = replace(spatial_3r, joints=joints)
-    friction = tuple(FRICTION.make(name) for name in default_friction())
-    return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
 
 
 @pytest.fixture(scope="module")

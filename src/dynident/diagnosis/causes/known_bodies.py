@@ -20,7 +20,8 @@ from dynident.arrays import Array, IntArray
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, load_columns, own_inertia
-from dynident.diagnosis.causes.trends import OVERSAMPLING, Trends
+from dynident.diagnosis.causes.quick_fit import OVERSAMPLING
+from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.residuals.quantiles import chi_square_tail
@@ -235,9 +236,8 @@ class Anchored(CauseSearch):
         self._taken = np.array([len(own) - kept[own].sum() for own in rows.columns])
         self._known, self._factors = replace(known, places=np.cumsum(kept)[known.places] - 1), factors
         self._mean = known.factor @ known.values
-        columns, mixing = self.columns, np.linalg.inv(known.factor)
-        self.columns = replace(columns, grams=columns.grams.copy(), sides=columns.sides.copy())
-        _turn(self.columns.grams, self.columns.sides, self._known.places, mixing)
+        self.columns = replace(self.columns, grams=self.columns.grams.copy(), sides=self.columns.sides.copy())
+        _turn(self.columns.grams, self.columns.sides, self._known.places, np.linalg.inv(known.factor))
         self._found = dict[tuple[int, ...], tuple[Array, Array, Array]]()  # where the fit with one cause more begins
 
     def fitted(self, chosen: Sequence[int]) -> Solved:

@@ -15,17 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.quick_fit import ROWS_PER_HZ, QuickFit
+from dynident.diagnosis.causes.cause_search import MANY
+from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.diagnosis.causes.weighted_fit import RIDGE
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.identification.residuals.quantiles import student_quantile
 
-#: Rows from one that is looked at to the next, so that noise leaves them independent (a band of f Hz has 2 f values a
-#: second), and how many are looked at at most.
-INDEPENDENT, MOST = int(ROWS_PER_HZ / 2.0), 400
-
-#: Degrees of freedom that pass for infinitely many.
-MANY = 1e6
+#: Rows from one that is looked at to the next, so that noise leaves them independent, and how many are at most.
+INDEPENDENT, MOST = int(OVERSAMPLING), 400
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.data.log import Log
 from dynident.diagnosis.causes.held_out import ReadRows
-from dynident.diagnosis.causes.quick_fit import ROWS_PER_HZ, QuickFit
+from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.diagnosis.causes.weighted_fit import TargetProducts
 
 #: Residual variance of a joint under the parameters of all logs, over that under those of its own log, freedoms taken
@@ -112,8 +112,8 @@ def pooled_logs(fits: Sequence[QuickFit | None]) -> AlikeLogs:
 def _alike(fit: QuickFit) -> tuple[BoolArray, Array]:
     """Return which of L logs are alike, shape (L,), and the ratios of their variances, shape (L, n)."""
     logs = _products(fit)
-    free, worth = np.array([len(own) for own in fit.rows.columns]), np.array([log.counts for log in logs])
-    worth /= ROWS_PER_HZ / 2.0
+    free = np.array([len(own) for own in fit.rows.columns])
+    worth = np.array([log.counts for log in logs]) / OVERSAMPLING
     own = np.array([log.fitted().variances for log in logs]) * worth / np.maximum(worth - free, 1.0)
 
     def ratios_with(kept: BoolArray) -> Array:

@@ -40,6 +40,9 @@ from dynident.model.robot import Robot
 #: Cut-off of both sides in Hz at most, and samples kept a second per Hz of it.
 CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
 
+#: Rows for each that is independent: a band of f Hz has 2 f values a second.
+OVERSAMPLING = ROWS_PER_HZ / 2.0
+
 #: Samples a second per Hz of the cut-off before the filter.
 SAMPLES_PER_HZ = 20.0
 

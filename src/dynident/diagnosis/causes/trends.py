@@ -12,15 +12,12 @@ from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.held_out import judged
-from dynident.diagnosis.causes.quick_fit import ROWS_PER_HZ, QuickFit
+from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream
 
 #: Step of the finite difference by the clock, a share.
 CLOCK_STEP = 1e-3
-
-#: Rows of the quick fit for each that is independent: a band of f Hz has 2 f values a second.
-OVERSAMPLING = ROWS_PER_HZ / 2.0
 
 #: Smoothing of the sign of a velocity in rad/s, of slides less.
 WIDTH = 0.02

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import zip_longest
 from pathlib import PurePath
 from typing import Any
 
@@ -193,20 +192,21 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> list[_Ex
     """Add what fits show to the findings of some logs; return those of them that were fitted together."""
     pooled = pooled_logs([one.subject.thin for one in group]) if len(group) > 1 else AlikeLogs()
     together = [group[k] for k in pooled.together]
+    told: list[Finding] = []
     if pooled.fit is not None:
         before = [finding for one in together for finding in one.found]
         told = _of_stage(checks, replace(together[0].subject, pooled=pooled.fit), before)
         for one in together:
             one.others = told
-    apart = [(one, ratios) for one, ratios in zip_longest(group, pooled.ratios) if one not in together]
-    for one, _ in apart:
-        one.found += _of_stage(checks, one.subject, one.found)
-    told = [finding for one in group for finding in (*one.found, *one.others)]
-    shared = [finding for finding in told if finding in (together[0].others if together else told)]
-    why = any(finding.severity == "warning" or finding.name == "friction curve" for finding in shared)
-    if not any(finding.severity == "error" for finding in told):  # else that is why logs differ
-        for one, ratios in ((one, ratios) for one, ratios in apart if ratios is not None and ratios.max() > UNLIKE):
-            one.found.append(_unlike(one.subject.case, ratios, bool(together), why))
+    apart = [k for k in range(len(group)) if k not in pooled.together]
+    for k in apart:
+        group[k].found += _of_stage(checks, group[k].subject, group[k].found)
+    own = [finding for one in group for finding in one.found]
+    why = any(each.severity == "warning" or each.name == "friction curve" for each in (told if together else own))
+    if not any(finding.severity == "error" for finding in (*own, *told)):  # else that is why logs differ
+        for k in apart if len(pooled.ratios) else ():
+            if pooled.ratios[k].max() > UNLIKE:
+                group[k].found.append(_unlike(group[k].subject.case, pooled.ratios[k], bool(together), why))
     return together
 
 
