@@ -155,6 +155,6 @@ def test_the_size_of_a_scale_is_that_of_its_likeliest_figure() -> None:
     cause = Cause("torque scale", "wrist", np.ones((1, 4, 1)))
     zeros = np.zeros(1)
     blame = Blame(cause, np.array([0.46]), np.eye(1), 20.0, 1.0, 0.62, 0.46, zeros, zeros)
-    told = believed(blame, [JointScale("wrist", 0.95, 0.92, 0.99, 0.03)])
+    told = believed(blame, lambda joint: JointScale(joint, 0.95, 0.92, 0.99, 0.03))
     assert told is not None
     assert told.size == pytest.approx(1 / 0.95 - 1) == told.values[0]

@@ -66,14 +66,12 @@ class ModelError:
         gram = sum((own.T @ own for own in columns), np.zeros((size, size)))
         scale = np.sqrt(np.diag(gram))
         scale[scale == 0.0] = 1.0
-        inverse = np.linalg.pinv(gram / np.outer(scale, scale) + RIDGE * np.eye(size), hermitian=True) / np.outer(
-            scale, scale
-        )
+        values, vectors = np.linalg.eigh(gram / np.outer(scale, scale) + RIDGE * np.eye(size))
+        root = vectors / np.sqrt(np.maximum(values, RIDGE)) / scale[:, None]  # the inverse is root root'
         with_error = together = independent = doubt = 0.0
         for own, residual, factor in zip(columns, residuals, factors, strict=True):
-            influence, counts = own @ inverse[:, -1], np.any(own != 0.0, axis=1).astype(float)
-            left = np.diag(counts) - own @ inverse @ own.T
-            error, noise, freedom = self._variances(left, residual, counts)
+            influence, counts = own @ root @ root[-1], np.any(own != 0.0, axis=1).astype(float)
+            error, noise, freedom = self._variances(own @ root, residual, counts)
             squares = float(influence @ influence) / self.every
             error *= float(influence @ self.covariance @ influence)
             with_error += error + noise * squares * INDEPENDENT
@@ -84,21 +82,25 @@ class ModelError:
         student = float(student_quantile(0.975, freedom) / student_quantile(0.975, MANY))
         return max(with_error * student**2, together) / max(independent, 1e-300)
 
-    def _variances(self, left: Array, residual: Array, counts: Array) -> tuple[float, float, float]:
+    def _variances(self, taken: Array, residual: Array, counts: Array) -> tuple[float, float, float]:
         """Return the variances of error and noise at a joint, and the degrees of freedom behind that of the error.
 
-        The matrix ``left`` (N, N) takes either to what the fit leaves of it.
+        Of either the fit leaves M times it, M = D - T T' with D the rows that count and T = ``taken``, shape (N, k):
+        traces of products with M are those of small matrices.
         """
         covariance = self.covariance * np.outer(counts, counts)
-        both = covariance @ left
-        of_error, of_noise, twice = float(np.sum(left * both)), float(np.sum(left**2)), float(np.sum(both * both.T))
+        carried, gram = covariance @ taken, taken.T @ taken
+        both = taken.T @ carried
+        of_error = float(np.trace(covariance) - 2.0 * np.trace(both) + np.sum(gram * both))
+        of_noise = float(counts.sum() - 2.0 * np.trace(gram) + np.sum(gram**2))
+        twice = float(np.sum(covariance**2) - 2.0 * np.sum(carried**2) + np.sum(both**2))
         squares, smooth = float(residual @ residual), float(residual @ covariance @ residual)
         freedom, whole = max(of_error**2 / max(twice, 1e-300), 1.0), of_noise * twice - of_error**2
         if whole > 0.0:
             error = (smooth * of_noise - squares * of_error) / whole
             noise = (squares * twice - smooth * of_error) / whole
             if error <= 0.0:
-                return 0.0, squares / max(of_noise, 1e-300), freedom
+                return 0.0, squares / max(of_noise, RIDGE), freedom
             if noise >= 0.0:
                 return error, noise, freedom
-        return squares / max(of_error, 1e-300), 0.0, freedom
+        return squares / max(of_error, RIDGE), 0.0, freedom

@@ -8,7 +8,7 @@ figure is told.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,9 +80,19 @@ class JointScale:
         return self.spread > BLUNT
 
 
-def joint_scales(fit: QuickFit) -> tuple[JointScale, ...]:
-    """Return the scale of each joint's torque where only that one has another."""
-    return _scales(fit, range(fit.model.robot.dof))
+def joint_scales(fit: QuickFit, joints: Sequence[str] | None = None) -> tuple[JointScale, ...]:
+    """Return the scale of the torque of each joint, or of some by name, where only that one has another."""
+
+    def logs(asked: Sequence[tuple[int, float]]) -> list[Array]:
+        """Return the log variances (n,) of the joints in their own scales, one joint's at the factor e^x."""
+        found = np.log(fit.variances(fit.shared, np.array([_mixing(fit, *each) for each in asked])))
+        for own, (joint, x) in zip(found, asked, strict=True):
+            own[joint] -= 2 * x
+        return list(found)
+
+    error = ModelError.of_fit(fit)
+    wanted = [k for k, name in enumerate(fit.model.robot.joint_names) if joints is None or name in joints]
+    return tuple(run(side_by_side([_scale(fit, joint, error) for joint in wanted]), logs))
 
 
 def other_scales(scales: Sequence[JointScale]) -> tuple[JointScale, ...]:
@@ -118,23 +128,9 @@ def is_sure(fit: QuickFit, scale: JointScale) -> bool:
         return False
 
     def found_on(learned: QuickFit) -> ReadRows:
-        return reading_of(learned, _scales(learned, [joint])[0])
+        return reading_of(learned, joint_scales(learned, [scale.joint])[0])
 
     return predicts_unseen(fit, found_on)
-
-
-def _scales(fit: QuickFit, joints: Iterable[int]) -> tuple[JointScale, ...]:
-    """Return the scales of some joints, each alone, looked for side by side."""
-
-    def logs(wanted: Sequence[tuple[int, float]]) -> list[Array]:
-        """Return the log variances (n,) of the joints in their own scales, one joint's at the factor e^x."""
-        found = np.log(fit.variances(fit.shared, np.array([_mixing(fit, *each) for each in wanted])))
-        for own, (joint, x) in zip(found, wanted, strict=True):
-            own[joint] -= 2 * x
-        return list(found)
-
-    error = ModelError.of_fit(fit)
-    return tuple(run(side_by_side([_scale(fit, joint, error) for joint in joints]), logs))
 
 
 def _scale(fit: QuickFit, joint: int, error: ModelError) -> Search[tuple[int, float], Array, JointScale]:

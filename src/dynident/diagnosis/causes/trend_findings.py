@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -27,28 +28,31 @@ FAR_CLOCK = 0.25
 #: Standard deviations of half a 95 % interval.
 Z95 = 1.96
 
+#: Gives the scale of a joint's torque; None where that is not looked for.
+ScaleOf: TypeAlias = Callable[[str], JointScale | None]
 
-def rival_findings(blame: Blame, fit: QuickFit, scales: Sequence[JointScale] = ()) -> list[Finding]:
+
+def rival_findings(blame: Blame, fit: QuickFit, scale_of: ScaleOf = lambda joint: None) -> list[Finding]:
     """Return what is said of causes that explain about as well, each a note."""
     beside = f"{blame.cause.name}{f' ({blame.cause.joint})' * bool(blame.cause.joint)}"
-    rivals = [believed(rival, scales) for rival in blame.rivals if rival.cause.name in _TEXTS]
+    rivals = [believed(rival, scale_of) for rival in blame.rivals if rival.cause.name in _TEXTS]
     found = [trend_finding(rival, fit) for rival in rivals if rival is not None]
     told = f"not distinguishable from {beside}: "
     return [replace(finding, severity="note", evidence=told + finding.evidence, beside=beside) for finding in found]
 
 
-def believed(blame: Blame, scales: Sequence[JointScale] = ()) -> Blame | None:
+def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | None:
     """Return a cause with its figures; None where it is out of the range in which its column holds.
 
     The column of a torque's scale is a straight line through a curve: of one joint the profile likelihood has the
-    figures, and those of another scale altogether are told by the check of the scales. Without ``scales`` bodies that
-    are known beforehand decide.
+    figures, and those of another scale altogether are told by the check of the scales. Without one the bodies that are
+    known beforehand decide.
     """
     if blame.cause.name == "time scale":
         return blame if abs(float(blame.values[0])) < FAR_CLOCK else None
     if blame.cause.name != "torque scale":
         return blame
-    scale = next((each for each in scales if each.joint == blame.cause.joint), None)
+    scale = scale_of(blame.cause.joint)
     if scale is None:
         return blame if abs(float(blame.values[0])) < FAR_SCALE else None
     if scale.is_open or scale.is_other or scale.low <= 1 <= scale.high:

@@ -85,11 +85,12 @@ class CheckedLog:
         fit = replace(self.fit, how=replace(self.fit.how, delay_s=late)) if late else self.fit
         return Trends(fit, self.fit.gravity_observers)
 
-    @cached_property
-    def trend_scales(self) -> tuple[JointScale, ...]:
-        """The scales once the delay of the torque is taken out, as what the residual follows."""
+    def trend_scale(self, joint: str) -> JointScale | None:
+        """Return the scale of a joint's torque once its delay is taken out, as where trends are; None without a fit."""
         trends = self.trends
-        return self.scales if trends is None or trends.fit is self.fit else joint_scales(trends.fit)
+        if trends is None or trends.fit is self.fit:
+            return next((scale for scale in self.scales if scale.joint == joint), None)
+        return joint_scales(trends.fit, [joint])[0]
 
     @cached_property
     def known(self) -> KnownBodies | None:

@@ -29,7 +29,7 @@ class ResidualTrends(Check):
             finding
             for blame in trends.blames
             if not (chosen and blame.cause.name == "friction curve")
-            for told in [believed(blame, subject.trend_scales)]
+            for told in [believed(blame, subject.trend_scale)]
             if told is not None
-            for finding in (trend_finding(told, trends.fit), *rival_findings(told, trends.fit, subject.trend_scales))
+            for finding in (trend_finding(told, trends.fit), *rival_findings(told, trends.fit, subject.trend_scale))
         ]
