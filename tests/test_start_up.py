@@ -71,7 +71,8 @@ NOT_FOR_ALL = (
     "scipy.sparse", "scipy.linalg", "scipy.special", "defusedxml", "urllib.request", "ssl", "jinja2", "rich.markdown",
     "matplotlib", "dynident.robot_files.mjcf",
     "dynident.case.draft", "dynident.data.formats._bag_table",
-    "dynident.diagnosis.checks", "dynident.studies.benchmark", "dynident.identification.streaming",
+    "dynident.diagnosis.checks", "dynident.diagnosis.examination", "dynident.studies.benchmark",
+    "dynident.identification.streaming",
     "dynident.identification.simulated.course", "dynident.simulation", "dynident.model.kernels.generic",
     "dynident.model.kernels.preconditioned", "dynident.results.report", "dynident.studio",
 )  # fmt: skip

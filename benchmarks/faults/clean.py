@@ -23,7 +23,7 @@ from benchmarks.faults.trials import tracked
 from benchmarks.strangers.plant import Body, cylinder, urdf, waves
 from dynident.api.init import init
 from dynident.case.case import read_case
-from dynident.diagnosis.checks import examine_logs
+from dynident.diagnosis.examination import examine_logs
 from dynident.diagnosis.finding import Finding
 
 LOGS = 300

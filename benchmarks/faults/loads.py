@@ -17,7 +17,7 @@ from benchmarks.faults.clean import bound, log, robot, written
 from benchmarks.faults.trials import tracked
 from benchmarks.strangers.plant import urdf
 from dynident.case.case import read_case
-from dynident.diagnosis.checks import examine
+from dynident.diagnosis.examination import examine
 from dynident.diagnosis.finding import Finding
 
 ARMS = 60

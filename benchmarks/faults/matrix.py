@@ -13,8 +13,7 @@ from benchmarks.faults.effect import Reference, reference, smallest
 from benchmarks.faults.figures import CleanLog, grade, without_fault
 from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.trials import Trial, subject_of
-from dynident.diagnosis.checks import Finding
-from dynident.diagnosis.finding import SEVERITIES
+from dynident.diagnosis.finding import SEVERITIES, Finding
 from dynident.identification.estimate.estimate import Estimate
 
 #: Multiples of the smallest strength that are tried.

@@ -25,7 +25,7 @@ from benchmarks.strangers.plant import Body, urdf
 from dynident.api.init import init
 from dynident.arrays import Array
 from dynident.case.case import read_case
-from dynident.diagnosis.checks import Examination, examine_logs
+from dynident.diagnosis.examination import Examination, examine_logs
 
 LOGS, FAULTY, ARMS = 3, 1, 20
 

@@ -13,7 +13,7 @@ import yaml
 
 from benchmarks.faults import injections as put
 from benchmarks.faults.trials import Trial
-from dynident.diagnosis.checks import examine
+from dynident.diagnosis.examination import examine
 from dynident.diagnosis.finding import Finding
 
 Edit = Callable[[Trial, Finding], Trial]

@@ -17,7 +17,7 @@ from benchmarks.faults.clean import bound
 from benchmarks.strangers.__main__ import answered, called, logs_of
 from benchmarks.strangers.cases import STRANGERS
 from dynident.case.case import Case, read_case
-from dynident.diagnosis.checks import examine
+from dynident.diagnosis.examination import examine
 
 CASES = Path(__file__).parents[2] / "examples" / "cases"
 

@@ -17,10 +17,10 @@ from benchmarks.faults import injections as put
 from benchmarks.faults.trials import REAL, Trial, recorded, subject_of, tracked, virtual
 from dynident.case.case import read_case
 from dynident.diagnosis.causes.torque_scales import JointScale, other_scales
-from dynident.diagnosis.checks import ordered
 from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.checks.readings import Readings
 from dynident.diagnosis.checks.torque_scale import TorqueScale
+from dynident.diagnosis.examination import ordered
 from dynident.diagnosis.finding import Finding
 
 FACTORS = (0.05, 0.1, 0.2, 0.495, 0.8, 1.25, 2.0, 2.5, 4.0, 10.0, 20.0)

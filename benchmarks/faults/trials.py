@@ -13,8 +13,8 @@ from typing import TypeVar
 import numpy as np
 
 from dynident.case.case import Case, read_case
-from dynident.diagnosis.checks import Examination, examine
 from dynident.diagnosis.checks.base import CheckedLog
+from dynident.diagnosis.examination import Examination, examine
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair
 from dynident.identification.estimate.estimate import Estimate

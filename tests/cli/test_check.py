@@ -20,7 +20,8 @@ from dynident.cli import check
 from dynident.cli.main import main
 from dynident.data.formats import read_log
 from dynident.data.preprocessing import default_preprocessing
-from dynident.diagnosis.checks import Examination, Finding
+from dynident.diagnosis.examination import Examination
+from dynident.diagnosis.finding import Finding
 from dynident.identification.files.estimate_file import write_estimate
 
 

@@ -14,7 +14,7 @@ from benchmarks.faults.matrix import alarms, outcomes
 from benchmarks.faults.trials import robots
 
 from dynident.case.case import read_case
-from dynident.diagnosis.checks import examine
+from dynident.diagnosis.examination import examine
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")

@@ -29,9 +29,10 @@ from dynident.diagnosis.causes.held_out import halves
 from dynident.diagnosis.causes.known_bodies import NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
-from dynident.diagnosis.checks import CHECKS, examine, examine_recordings, readings
+from dynident.diagnosis.checks import CHECKS, readings
 from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
+from dynident.diagnosis.examination import examine, examine_recordings
 from dynident.diagnosis.finding import SEVERITIES
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair, sortable, wraps

@@ -9,7 +9,7 @@ from benchmarks.faults.trials import Trial, virtual
 from dynident.case.case import Case
 from dynident.diagnosis.causes.pooled_logs import pooled_fit, pooled_logs
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
-from dynident.diagnosis.checks import examine, examine_logs
+from dynident.diagnosis.examination import examine, examine_logs
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +139,7 @@ def test_a_log_that_cannot_be_read_keeps_its_place(trials: list[Trial], tmp_path
 
 
 def test_many_logs_are_fitted_in_parts(trials: list[Trial], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dynident.diagnosis.checks.LONGEST_S", 45.0)
+    monkeypatch.setattr("dynident.diagnosis.examination.LONGEST_S", 45.0)
     found = examine_logs(trials[0].case, written([*trials, trials[0]], tmp_path))
     assert [one.path for one in found[4:]] == ["2 of 4 logs, from run0.npz on", "2 of 4 logs, from run2.npz on"]
 

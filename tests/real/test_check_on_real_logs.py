@@ -13,7 +13,7 @@ import pytest
 from dynident.api.log_checks import check_logs
 from dynident.case.case import read_case
 from dynident.data.preprocessing.butterworth import Butterworth
-from dynident.diagnosis.checks import examine
+from dynident.diagnosis.examination import examine
 from dynident.model.friction import FRICTION
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,7 +12,7 @@ import pytest
 
 from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.diagnosis.checks import examine
+from dynident.diagnosis.examination import examine
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.robot_files import read_robot

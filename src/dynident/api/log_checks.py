@@ -49,7 +49,7 @@ def check_logs(
     Raises:
         LogMismatch: A joint is missing.
     """
-    from dynident.diagnosis.checks import examine_recordings  # a fit without checks needs neither
+    from dynident.diagnosis.examination import examine_recordings  # a fit without checks needs neither
     from dynident.diagnosis.recording import recording_of
 
     progress("log checks")

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dynident.case.case import Case
-    from dynident.diagnosis.checks import Examination
+    from dynident.diagnosis.examination import Examination
     from dynident.identification.estimate.estimate import Estimate
 
 SUMMARY = "log checks before a fit: errors, evidence and remedies"
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.case.case import read_case
     from dynident.cli import console
-    from dynident.diagnosis.checks import examine_logs
+    from dynident.diagnosis.examination import examine_logs
     from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place
 

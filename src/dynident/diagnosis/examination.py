@@ -1,0 +1,276 @@
+"""The examination of logs: checks in their order, of each log and of those together that one robot explains.
+
+Checks of the raw file come first, then those of the signals, then those of a quick fit of all logs that are alike; an
+error that no repair removes ends the examination, since what comes after it would only repeat it in other words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.case.case import Case
+from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, pooled_logs
+from dynident.diagnosis.checks import CHECKS, Check, CheckedLog
+from dynident.diagnosis.finding import SEVERITIES, Finding, Severity
+from dynident.diagnosis.recording import Recording, read_recording
+from dynident.diagnosis.repair import Repaired, repair
+from dynident.errors import LogFormatError, LogMismatch
+from dynident.identification.estimate.estimate import Estimate
+from dynident.model.threads import one_blas_thread
+
+_STAGES = (0, 1, 2)
+
+#: Errors that are gone once the safe repairs are made.
+_MENDABLE = ("values that are not finite", "repeated rows", "rows out of order", "encoder wrap")
+
+#: Duration in s of logs that are fitted together at most; of more logs the next ones are another fit.
+LONGEST_S = 1200.0
+
+#: Logs that are named at most where some are examined together.
+NAMED = 4
+
+#: Times by which parameters of the other logs raise the residual of a log from which that is a warning.
+UNLIKE_GRAVELY = 3.0
+
+
+@dataclass(frozen=True)
+class Examination:
+    """Findings of the checks on one log.
+
+    Attributes:
+        path: The log.
+        findings: Gravest first.
+        left_out: Why checks were left out; empty where all were made.
+        repaired: The log after the safe repairs; None where it could not be read.
+        logs: The logs that were examined together; empty for one log.
+    """
+
+    path: str
+    findings: tuple[Finding, ...]
+    left_out: str = ""
+    repaired: Repaired | None = None
+    logs: tuple[str, ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """Whether there is no finding at error level."""
+        return not any(finding.severity == "error" for finding in self.findings)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the examination as plain data for JSON."""
+        return {
+            "path": self.path,
+            "sound": self.sound,
+            "left_out": self.left_out,
+            **({"logs": list(self.logs)} if self.logs else {}),
+            "findings": [finding.figures() for finding in self.findings],
+        }
+
+
+def examine(case: Case, name: str, earlier: Estimate | None = None) -> Examination:
+    """Return what is wrong with a log of a case; nothing is changed and nothing refused.
+
+    Args:
+        case: Robot, columns and preparation.
+        name: The log, as the case or the command line names it.
+        earlier: An estimate of the same robot, whose bodies take the place of the robot model's.
+
+    Raises:
+        FileError: The file cannot be read at all.
+    """
+    return examine_logs(case, [name], earlier)[0]
+
+
+def examine_logs(
+    case: Case,
+    names: Sequence[str],
+    earlier: Estimate | None = None,
+    progress: Callable[[str], None] = lambda step: None,
+) -> tuple[Examination, ...]:
+    """Return what is wrong with several logs of a case; see :func:`examine_recordings`.
+
+    Args:
+        case: Robot, columns and preparation.
+        names: The logs, as the case or the command line names them.
+        earlier: An estimate of the same robot, whose bodies take the place of the robot model's.
+        progress: Called with each step in words.
+
+    Raises:
+        FileError: A file cannot be read at all.
+    """
+    recordings: list[Recording] = []
+    unreadable: dict[int, Examination] = {}
+    for k, name in enumerate(names):
+        progress(f"looking at {name}")
+        try:
+            recordings.append(read_recording(case, name))
+        except (LogFormatError, LogMismatch) as error:
+            finding = Finding("error", "unreadable", "", error.evidence, error.step)
+            left_out = "no check was made, the file is no table of the case"
+            unreadable[k] = Examination(str(case.find(name)), (finding,), left_out)
+    found = iter(examine_recordings(case, recordings, earlier, len(names)))
+    each = [unreadable[k] if k in unreadable else next(found) for k in range(len(names))]
+    return (*each, *found)
+
+
+@one_blas_thread()
+def examine_recordings(
+    case: Case, recordings: Sequence[Recording], earlier: Estimate | None = None, total: int = 0
+) -> tuple[Examination, ...]:
+    """Return what is wrong with each recording of a case, and then with those together that are alike.
+
+    What a fit shows is looked for in all logs together that one set of parameters explains, else in each log.
+
+    Args:
+        case: Robot, columns and preparation.
+        recordings: One of each log.
+        earlier: An estimate of the same robot, whose bodies take the place of the robot model's.
+        total: How many logs there are with those that could not be read; 0 for those that are given.
+    """
+    checks = [CHECKS.make(name) for name in CHECKS.names()]
+    seen = [_of_signals(checks, case, recording, earlier) for recording in recordings]
+    last = [check for check in checks if check.stage == _STAGES[-1]]
+    more: list[Examination] = []
+    groups = list(_groups([one for one in seen if not one.left_out]))
+    for group in groups:
+        together = _of_fits(last, group)
+        if together:
+            name = _named(together, total or len(seen), len(groups) > 1)
+            members = tuple(one.subject.raw.log.name for one in together)
+            more.append(Examination(name, ordered(together[0].others), logs=members))
+    return (*(one.examination() for one in seen), *more)
+
+
+@dataclass(eq=False)
+class _ExaminedLog:
+    """A log whose signals were looked at.
+
+    Attributes:
+        subject: What checks see.
+        repaired: The log after the safe repairs.
+        found: Findings of the log.
+        left_out: Why the checks that need a fit were left out; empty where they are made.
+        others: Findings of the logs together of which it is one.
+    """
+
+    subject: CheckedLog
+    repaired: Repaired
+    found: list[Finding]
+    left_out: str = ""
+    others: Sequence[Finding] = ()
+
+    def examination(self) -> Examination:
+        """Return what was found, less what findings of all logs together explain."""
+        return Examination(self.subject.raw.log.name, ordered(self.found, self.others), self.left_out, self.repaired)
+
+
+def _groups(ready: Sequence[_ExaminedLog]) -> Iterator[list[_ExaminedLog]]:
+    """Yield logs one after another, as many as are fitted together at once."""
+    group: list[_ExaminedLog] = []
+    for one in ready:
+        if group and sum(each.subject.sound.log.duration for each in (*group, one)) > LONGEST_S:
+            yield group
+            group = []
+        group.append(one)
+    if group:
+        yield group
+
+
+def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> list[_ExaminedLog]:
+    """Add what fits show to the findings of some logs; return those of them that were fitted together."""
+    pooled = pooled_logs([one.subject.thin for one in group]) if len(group) > 1 else AlikeLogs()
+    together = [group[k] for k in pooled.together]
+    told: list[Finding] = []
+    if pooled.fit is not None:
+        before = [finding for one in together for finding in one.found]
+        told = _of_stage(checks, replace(together[0].subject, pooled=pooled.fit), before)
+        for one in together:
+            one.others = told
+    apart = [k for k in range(len(group)) if k not in pooled.together]
+    for k in apart:
+        group[k].found += _of_stage(checks, group[k].subject, group[k].found)
+    own = [finding for one in group for finding in one.found]
+    why = any(each.severity == "warning" or each.name == "friction curve" for each in (told if together else own))
+    if not any(finding.severity == "error" for finding in (*own, *told)):  # else that is why logs differ
+        for k in apart if len(pooled.ratios) else ():
+            if pooled.ratios[k].max() > UNLIKE:
+                group[k].found.append(_unlike(group[k].subject.case, pooled.ratios[k], bool(together), why))
+    return together
+
+
+def _named(together: Sequence[_ExaminedLog], total: int, is_part: bool) -> str:
+    """Return how logs are called that were fitted together; a part of many begins at one of them."""
+    if is_part:
+        return f"{len(together)} of {total} logs, from {PurePath(together[0].subject.raw.log.name).name} on"
+    if len(together) < total:
+        names = [PurePath(one.subject.raw.log.name).name for one in together]
+        told = names if len(names) <= NAMED else [*names[: NAMED - 1], "..."]
+        return f"{len(together)} of {total} logs ({', '.join(told)})"
+    return "both logs" if total == 2 else f"all {total} logs"
+
+
+def _of_signals(checks: Sequence[Check], case: Case, recording: Recording, earlier: Estimate | None) -> _ExaminedLog:
+    """Look at a file and its signals."""
+    repaired = repair(recording, case.robot)
+    subject = CheckedLog(case, recording, repaired.recording, earlier)
+    found: list[Finding] = []
+    for stage in _STAGES[:-1]:
+        found += _of_stage([check for check in checks if check.stage == stage], subject, found)
+        lasting = [each.name for each in found if each.severity == "error" and each.name not in _MENDABLE]
+        if lasting:
+            left_out = f"checks that need sound {'signals' if stage == 0 else 'units'} were left out: fix {lasting[0]}"
+            return _ExaminedLog(subject, repaired, found, left_out)
+    return _ExaminedLog(subject, repaired, found)
+
+
+def _unlike(case: Case, ratios: Array, others_agree: bool, why: bool) -> Finding:
+    """Return what is said of a log that parameters of others do not explain.
+
+    Args:
+        case: Robot.
+        ratios: Of the residual variances of its joints, shape (n,).
+        others_agree: Whether the other logs, or some of them, have the same parameters.
+        why: Whether there is another cause that may be why.
+    """
+    times = np.sqrt(ratios)
+    joint = int(np.argmax(times))
+    others = "parameters of the other logs" if others_agree else "parameters that logs share"
+    evidence = f"with {others} its residual is {times[joint]:.3g} times that with parameters of its own"
+    evidence = evidence if others_agree else f"no two logs agree: {evidence}"
+    remedy = (
+        "make sure that load, mounting, gains, zeros and units are those of the other logs, and that the friction "
+        "model holds at its speeds; else give it a case of its own"
+    )
+    severity: Severity = "warning" if times[joint] > UNLIKE_GRAVELY and not why else "note"
+    name, numbers = case.robot.joint_names[joint], {"times": float(times[joint])}
+    return Finding(severity, "unlike other logs", name, evidence, remedy, numbers)
+
+
+def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Finding]) -> list[Finding]:
+    """Return the findings of some checks in their order; one is left out where others explain all that it can tell."""
+    told: dict[int, Sequence[Finding]] = {}
+    for k in sorted(range(len(checks)), key=lambda k: bool(checks[k].tells)):
+        explained = {name for each in (before, *told.values()) for finding in each for name in finding.explains}
+        names = set(checks[k].tells)
+        told[k] = () if names and names <= explained else checks[k].findings(subject)
+    return [finding for k in sorted(told) for finding in told[k]]
+
+
+def ordered(found: Sequence[Finding], others: Sequence[Finding] = ()) -> tuple[Finding, ...]:
+    """Return findings with the gravest first, those that another one of these or of ``others`` explains left out."""
+    explained = {name for finding in (*found, *others) for name in finding.explains}
+    first: dict[tuple[str, str], Finding] = {}
+    for finding in sorted(found, key=_rank):  # two checks may see one thing: the gravest tells it
+        first.setdefault((finding.name, finding.joint), finding)
+    kept = [finding for finding in first.values() if finding.name not in explained]
+    return tuple(sorted(kept, key=_rank))
+
+
+def _rank(finding: Finding) -> int:
+    return SEVERITIES.index(finding.severity)
