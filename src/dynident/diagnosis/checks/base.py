@@ -86,6 +86,14 @@ class CheckedLog:
         fit = replace(self.fit, how=replace(self.fit.how, delay_s=late)) if late else self.fit
         return Trends(fit, self.fit.gravity_observers)
 
+    @cached_property
+    def described(self) -> frozenset[str]:
+        """Names of causes that friction of the case describes, or is to be chosen for, and the quick fit has not."""
+        more = beyond_quick_fit(self.case)  # a case with such friction has chosen its friction already
+        warms = any("temperature" in part.needs or any(r.is_duration for r in part.ranges.values()) for part in more)
+        chosen = bool(more) or self.case.choose_friction
+        return frozenset({"friction curve"} if chosen else ()) | frozenset({"friction drift"} if warms else ())
+
     def trend_scale(self, joint: str) -> JointScale | None:
         """Return the scale of a joint's torque once its delay is taken out, as where trends are; None without a fit."""
         trends = self.trends
