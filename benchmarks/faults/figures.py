@@ -91,7 +91,7 @@ def _gravity(finding: Finding, trial: Trial) -> Stated:
 
 def _load(finding: Finding, trial: Trial) -> Stated:
     half = re.search(r"\(\+- (\S+) kg\)", finding.evidence)
-    return Stated(finding.numbers["mass_kg"], float(half[1]) if half else 0.0)
+    return Stated(finding.numbers["mass_kg"], float(half[1]) if half else np.inf)  # a mass that is not determined
 
 
 def _counterbalance(finding: Finding, trial: Trial) -> Stated:

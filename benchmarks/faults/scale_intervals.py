@@ -34,6 +34,9 @@ MOVED, TURNED = 1e-3, 3e-3
 #: What no model has as a share of each torque, at most: decimal logarithms between which it is drawn.
 LACKS = (-2.3, -1.0)
 
+#: Periods a turn up to which the pull of a cable looks like a spring or a counterbalance.
+SLOW = 3
+
 #: What the torque of one joint is multiplied by besides.
 FACTOR = 4.0
 
@@ -48,8 +51,11 @@ def off(generator: np.random.Generator, bodies: list[Body]) -> list[Body]:
     return built
 
 
-def with_errors(generator: np.random.Generator, trial: Trial, share: float) -> Trial:
-    """Return a log with torques and positions that no model of the checks has, about ``share`` of each torque."""
+def with_errors(generator: np.random.Generator, trial: Trial, share: float, named: float = 1.0) -> Trial:
+    """Return a log with torques and positions that no model of the checks has, about ``share`` of each torque.
+
+    Springs and waves of up to three periods a turn, which look like them, are ``named`` times as large.
+    """
     motion, tau = put.smoothed(trial, 20.0), trial.columns["tau"]
     size, count = tau.std(axis=0), trial.joints
     sign, speed = np.tanh(motion.dq / 0.01), np.abs(motion.dq)
@@ -61,31 +67,40 @@ def with_errors(generator: np.random.Generator, trial: Trial, share: float) -> T
     more = some() * sign * np.exp(-((speed / (0.1 * speed.max(axis=0))) ** 2))
     more += some() * sign * np.abs(tau) / size
     more += some() * sign * np.sin(turns * motion.q + generator.uniform(0, 6, count))
-    more += some() * np.sin(turns * motion.q + generator.uniform(0, 6, count))
-    more += some() * (motion.q - motion.q.mean(axis=0)) / motion.q.std(axis=0)
+    wave = some() * np.sin(turns * motion.q + generator.uniform(0, 6, count))
+    more += wave * np.where(turns <= SLOW, named, 1.0)
+    more += named * some() * (motion.q - motion.q.mean(axis=0)) / motion.q.std(axis=0)
     bend = share * 0.02 * generator.uniform(0.0, 1.0, count) * motion.q.std(axis=0) * tau / np.abs(tau).max(axis=0)
     return trial.with_columns(tau=tau + more, q=trial.columns["q"] + bend)
 
 
-def fits(seed: int, folder: Path) -> tuple[list[QuickFit | None], float]:
-    """Return the quick fits of the arm of a seed, as it is and with a joint's torque times ``FACTOR``, and its lack.
+def arm(seed: int, folder: Path, named: float = 1.0) -> tuple[Trial, float, list[Body]]:
+    """Return the log of the arm of a seed, the share of each torque that no model has at most, and the bodies as built.
 
-    The lack is the share of each torque that no model of the checks has, about and at most.
+    Args:
+        seed: Of the arm.
+        folder: Where its case is written.
+        named: As of :func:`with_errors`.
     """
     generator = np.random.default_rng([124, seed])
     bodies = robot(generator)
-    truth, described = urdf("arm", off(generator, bodies), seed), urdf("arm", bodies)
+    built = off(generator, bodies)
+    truth, described = urdf("arm", built, seed), urdf("arm", bodies)
     columns, side = log(generator, bodies, truth)
     (folder / "arm.urdf").write_text(described)
     rotors = ", rotor_inertia" if side == "motor" else ""
     text = f"case: 2\nrobot: arm.urdf\nfriction: [coulomb, viscous, offset{rotors}]\n"
     (folder / "case.yaml").write_text(text)
     case, lack = read_case(folder / "case.yaml"), float(10 ** generator.uniform(*LACKS))
-    right = with_errors(generator, Trial(case, columns), lack)
-    found = []
-    for trial in (right, put.scaled(right, FACTOR - 1.0, seed % len(bodies))):
+    return with_errors(generator, Trial(case, columns), lack, named), lack, built
+
+
+def fits(seed: int, folder: Path) -> tuple[list[QuickFit | None], float]:
+    """Return the quick fits of the arm of a seed, as it is and with a joint's torque times ``FACTOR``, and its lack."""
+    (right, lack, _), found = arm(seed, folder), []
+    for trial in (right, put.scaled(right, FACTOR - 1.0, seed % right.joints)):
         written(trial.columns, folder / "run.csv")
-        found.append(quick_fit(case, case.read(folder / "run.csv")))
+        found.append(quick_fit(trial.case, trial.case.read(folder / "run.csv")))
     return found, lack
 
 

@@ -174,16 +174,27 @@ def test_the_last_digit_of_joints_at_rest_is_no_second_publisher(trial: Trial, t
     assert found.name == "two publishers" and "jumps to zero at 1 rows" in found.evidence
 
 
+def limited(trial: Trial, fastest: float) -> Trial:
+    """Return the trial of a robot with these limits of the speed, in rad/s."""
+    robot = trial.case.robot
+    joints = tuple(replace(joint, limits=JointLimits(-3.0, 3.0, velocity=fastest)) for joint in robot.joints)
+    return replace(trial, case=replace(trial.case, robot=replace(robot, joints=joints)))
+
+
 @pytest.mark.parametrize(("clock", "fastest", "is_told"), [(20.0, 500.0, True), (20.0, 1.0, False), (1.0, 1e5, False)])
 def test_a_motion_too_slow_for_a_robot_is_in_another_unit_of_time(
     trial: Trial, clock: float, fastest: float, is_told: bool, tmp_path: Path
 ) -> None:
     """Steps of 0.2 s may be 5 kHz in ms: the speeds tell. A slow motion at 100 Hz is one: nobody records 100 kHz."""
-    robot = trial.case.robot
-    joints = tuple(replace(joint, limits=JointLimits(-3.0, 3.0, velocity=fastest)) for joint in robot.joints)
-    slow = replace(trial, case=replace(trial.case, robot=replace(robot, joints=joints)))
-    slow = slow.with_columns(t=clock * trial.columns["t"])
+    slow = limited(trial, fastest).with_columns(t=clock * trial.columns["t"])
     found = [finding for finding in told(slow, "time_steps", tmp_path) if finding.name == "time unit"]
     assert len(found) == is_told
     if is_told:
         assert "5000 samples a second then" in found[0].remedy and "of its speed limit" in found[0].evidence
+
+
+def test_of_two_units_of_the_time_the_one_with_the_likelier_speeds_is_named(trial: Trial, tmp_path: Path) -> None:
+    """Steps of 200 are 5 kHz in us or 5 Hz in ms, in which the positions would move a thousand times slower."""
+    t = 200.0 * np.arange(len(trial.columns["t"]))
+    (found,) = told(limited(trial, 100.0).with_columns(t=t), "time_steps", tmp_path)
+    assert "{time: us}" in found.remedy and "5000 samples a second then" in found.remedy

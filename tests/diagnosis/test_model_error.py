@@ -21,12 +21,12 @@ def held(error: float, noise: float) -> tuple[float, float]:
     covariance = np.exp(-0.5 * np.sum((state[:, None] - state) ** 2, axis=2))
     root = np.linalg.cholesky(covariance + 1e-9 * np.eye(ROWS))
     hat, inverse = np.linalg.pinv(columns), np.linalg.inv(columns.T @ columns)
-    model, inside, widenings = ModelError(INDEPENDENT, covariance), [], []
+    model, inside, widenings = ModelError(INDEPENDENT, [covariance]), [], []
     for _ in range(DRAWS):
         target = error * root @ generator.normal(size=ROWS) + noise * generator.normal(size=ROWS)
         residual = target - columns @ (hat @ target)
         deviation = float(np.sqrt(np.mean(residual**2)))
-        widening = model.widening([columns / deviation], [residual / deviation], np.ones(1))
+        widening = model.of_rows([columns / deviation], [residual / deviation]).widening(-1, np.ones(1))
         spread = deviation * np.sqrt(inverse[-1, -1] * widening / INDEPENDENT)
         inside.append(abs(hat[-1] @ target) < 1.96 * spread)
         widenings.append(widening / INDEPENDENT)

@@ -208,7 +208,7 @@ def _worth(fit: QuickFit, joint: int, x: float, error: ModelError) -> Array:
         here[:, -1] = -(block[every] @ solved.beta[own]) * (i == joint)
         columns.append(np.where(counts[:, None], here / deviation, 0.0))
         residuals.append(np.where(counts, residual[every, i] / deviation, 0.0))
-    return fit.counts / error.widening(columns, residuals, factors)
+    return fit.counts / error.of_rows(columns, residuals).widening(-1, factors)
 
 
 def _end(best: float, side: float) -> Search[float, float, float]:

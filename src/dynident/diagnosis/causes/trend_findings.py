@@ -22,7 +22,7 @@ EXPLAINED, MATTERS, MATTERS_ALL = 0.5, 0.1, 0.03
 #: A scale of all torques further off one is that of another check.
 FAR_SCALE = 0.5
 
-#: A speed of the clock further off one is not told: its column is the straight line through a square.
+#: Half the change of the squared speed of a clock from which it is not told.
 FAR_CLOCK = 0.25
 
 #: Standard deviations of half a 95 % interval.
@@ -44,12 +44,16 @@ def rival_findings(blame: Blame, fit: QuickFit, scale_of: ScaleOf = lambda joint
 def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | None:
     """Return a cause with its figures; None where it is out of the range in which its column holds.
 
+    What the speed of a clock does to inertial torques is its square, of which the coefficient is the straight line.
     The column of a torque's scale is a straight line through a curve: of one joint the profile likelihood has the
     figures, and those of another scale altogether are told by the check of the scales. Without one the bodies that are
     known beforehand decide.
     """
     if blame.cause.name == "time scale":
-        return blame if abs(float(blame.values[0])) < FAR_CLOCK else None
+        if abs(float(blame.values[0])) >= FAR_CLOCK:
+            return None
+        speed = float(np.sqrt(1.0 + 2.0 * blame.values[0]))
+        return replace(blame, values=np.array([speed - 1.0]), covariance=blame.covariance / speed**2)
     if blame.cause.name != "torque scale":
         return blame
     scale = scale_of(blame.cause.joint)
@@ -66,7 +70,8 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     """Return what is said of a cause."""
     evidence, remedy = _TEXTS[blame.cause.name](blame, fit)
     large = _size(blame) > (MATTERS if blame.cause.joint else MATTERS_ALL)
-    grave = blame.share > EXPLAINED and large and blame.cause.name != "friction curve"
+    sure = bool(np.any(np.abs(blame.values) > blame.half_widths))
+    grave = blame.share > EXPLAINED and large and sure and blame.cause.name != "friction curve"
     severity: Severity = "warning" if grave else "note"
     of = "its torque" if blame.cause.joint else "all torques"
     counted = f" (t = {blame.certainty:.0f}, {100 * blame.share:.0f} % of a joint's residual variance, "
@@ -131,7 +136,7 @@ def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     told = ", ".join(
         f"{name} {value:+.2g} +- {half:.1g}" for (name, value, half), told in zip(figures, there, strict=True) if told
     )
-    evidence = f"Coulomb friction changes from start to end of a log by (N m or N): {told}"
+    evidence = f"Coulomb friction changes from start to end of the log by (N m or N): {told}"
     step = "warm the arm up first, or add friction that follows: warm_up from a cold start, temperature if logged"
     return evidence, step
 
@@ -170,7 +175,7 @@ def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     angle = np.degrees(np.arctan(np.linalg.norm(lean)))
     spread = np.degrees(np.linalg.norm(blame.half_widths[:2]))
     text = ", ".join(f"{value + 0.0:.4g}" for value in wanted)
-    evidence = f"the base is tilted by {angle:.2g} +- {spread:.1g} degrees against the stated gravity"
+    evidence = f"the base is tilted by {angle:.2g} +- {spread:.2g} degrees against the stated gravity"
     return evidence, f"level the base, or state its tilt (gravity: [{text}])"
 
 

@@ -10,8 +10,10 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_figures import figured
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.held_out import judged
+from dynident.diagnosis.causes.model_error import ModelError
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream
@@ -40,12 +42,23 @@ class Trends:
         rows = self.fit.rows
         target = rows.torque - rows.known
         found = CauseRows(rows.blocks, rows.columns, self.fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
-        return CauseSearch(found, self.causes, found.shared).blames()
+        search = CauseSearch(found, self.causes, found.shared)
+        blames = search.blames()
+        return figured(search, blames, ModelError.of_fit(self.fit), self._made_again) if blames else ()
+
+    def _made_again(self, cause: Cause, beta: Array) -> Cause:
+        """Return the clock or the lean of the base about bodies of other base parameters, shape (b,)."""
+        make = {"time scale": self._clock, "tilt": self._tilt}.get(cause.name)
+        return cause if make is None else self._filtered([make(beta)])[0]
 
     @cached_property
     def causes(self) -> tuple[Cause, ...]:
-        """The causes that are tried; those that are not filtered yet are filtered as the torques are, all at once."""
-        found, prepared = list(self._causes()), self.fit.rows.prepared
+        """The causes that are tried, filtered as the torques are."""
+        return self._filtered(list(self._causes()))
+
+    def _filtered(self, found: list[Cause]) -> tuple[Cause, ...]:
+        """Return causes filtered as the torques are, those that are not yet, all at once."""
+        prepared = self.fit.rows.prepared
         columns = [cause.columns.transpose(0, 2, 1) for cause in found if not cause.is_filtered]
         there = [column.any(axis=2) for column in columns]
         smooth = prepared.smooth(np.concatenate([column[at] for column, at in zip(columns, there, strict=True)]))
@@ -83,8 +96,9 @@ class Trends:
             yield Cause("torque scale", name, self._own_torque(i)[None], is_filtered=True)
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
         yield _cause("friction drift", "", *warm)
-        yield _cause("time scale", "", self._clock())
-        yield from self._tilts()
+        yield self._clock(self.fit.plain.beta)
+        if np.any(self.fit.model.robot.gravity):
+            yield self._tilt(self.fit.plain.beta)
 
     @cached_property
     def _predicted(self) -> Array:
@@ -106,29 +120,24 @@ class Trends:
         column[:, joint] = self.fit.rows.torque[:, joint] - self.fit.residual[:, joint]
         return column
 
-    def _clock(self) -> Array:
-        """Return the derivative of the bodies' torque by the speed of the clock, shape (N, n).
+    def _clock(self, beta: Array) -> Cause:
+        """Return the derivative of the bodies' torque by the speed of the clock.
 
         Friction is left out: what a clock does to it, its own columns take in, but for the width of its sign, and a
         wrong width would be taken for a wrong clock.
         """
         log, speed = self._log, 1.0 + CLOCK_STEP
-        beta = np.where(self.fit.base.is_friction, 0.0, self.fit.plain.beta)
+        beta = np.where(self.fit.base.is_friction, 0.0, beta)
         faster = replace(log, dq=np.asarray(log.dq) * speed, ddq=np.asarray(log.ddq) * speed**2)
-        return (self.fit.regressor.predict(faster, beta) - self.fit.regressor.predict(log, beta)) / CLOCK_STEP
+        slope = (self.fit.regressor.predict(faster, beta) - self.fit.regressor.predict(log, beta)) / CLOCK_STEP
+        return _cause("time scale", "", slope)
 
-    def _tilts(self) -> Iterator[Cause]:
-        """Yield the lean of the base about both axes across gravity; the first joint then carries its own link too."""
-        model = self.fit.model
-        gravity = np.asarray(model.robot.gravity)
-        size = float(np.linalg.norm(gravity))
-        if not size:
-            return
-        beta = self.fit.plain.beta
+    def _tilt(self, beta: Array) -> Cause:
+        """Return the lean of the base about both axes across gravity; the first joint then carries its own link too."""
+        gravity = np.asarray(self.fit.model.robot.gravity)
         still, *along = (regressor.predict(self._log, beta) for regressor in self._gravity)
-        pulls = np.stack(along) - still
-        columns = [size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)]
-        yield _cause("tilt", "", *columns)
+        pulls, size = np.stack(along) - still, float(np.linalg.norm(gravity))
+        return _cause("tilt", "", *(size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)))
 
 
 def across_gravity(gravity: Array) -> Array:

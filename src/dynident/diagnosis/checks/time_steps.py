@@ -57,19 +57,33 @@ def _speed_share(subject: CheckedLog) -> float:
 
 def _is_slow(subject: CheckedLog, middle: float) -> bool:
     """Return whether the motion is far too slow for a robot, and that of another unit of the time is not."""
+    usual = _other_units(subject, middle)
+    shares = _speed_shares(subject, usual[:1])
+    return bool(shares and _speed_share(subject) < CRAWLS and PLAUSIBLE[0] <= shares[0] <= PLAUSIBLE[1])
+
+
+def _other_units(subject: CheckedLog, middle: float) -> list[str]:
+    """Return units of the time under which the step is usual, else possible, that of the likeliest speed first."""
     unit = subject.raw.columns.units.time
-    usual = [word for word in time_units(middle * UNITS["time"][unit][0][1]) if word != unit]
-    if not usual:
-        return False
-    share = _speed_share(subject)
-    (own, per), (other, each) = (UNITS["time"][word][0] for word in (unit, usual[0]))
-    return share < CRAWLS and PLAUSIBLE[0] <= share * (own * each) / (per * other) <= PLAUSIBLE[1]
+    plain = middle * UNITS["time"][unit][0][1]
+    found = [word for word in time_units(plain) or time_units(plain, POSSIBLE_STEPS) if word != unit]
+    doubts = [
+        max(PLAUSIBLE[0] / share, share / PLAUSIBLE[1], 1.0) if share > 0 else 1.0
+        for share in _speed_shares(subject, found)
+    ]
+    return [found[k] for k in np.argsort(doubts, kind="stable")]
+
+
+def _speed_shares(subject: CheckedLog, units: Sequence[str]) -> list[float]:
+    """Return the largest speed over its limit under other units of the time."""
+    (one, per), share = UNITS["time"][subject.raw.columns.units.time][0], _speed_share(subject)
+    return [share * (one * each) / (per * other) for other, each in (UNITS["time"][word][0] for word in units)]
 
 
 def _unit(subject: CheckedLog, middle: float) -> Finding:
     unit = subject.raw.columns.units.time
     plain = middle * UNITS["time"][unit][0][1]
-    usual = [word for word in time_units(plain) or time_units(plain, POSSIBLE_STEPS) if word != unit]
+    usual = _other_units(subject, middle)
     counter = "of a counter state the sampling rate instead (log: columns: {time: 200 Hz})"
     remedy = f"check the column; {counter}"
     if usual:

@@ -1,0 +1,97 @@
+"""Figures of the causes that a search has found, with intervals that count errors of the model.
+
+A clock and a lean of the base act on the torque of the bodies, which the fit without them has wrong by as much. Once
+they are found, their columns are made again with the bodies beside them, as a step of Gauss and Newton.
+
+The interval of each cause is that of rows that hang together, or wider where the residual shows errors of the model
+(:mod:`dynident.diagnosis.causes.model_error`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
+from dynident.diagnosis.causes.model_error import ModelError
+from dynident.diagnosis.causes.weighted_fit import Solved
+
+
+def figured(
+    found: CauseSearch, blames: Sequence[Blame], error: ModelError, again: Callable[[Cause, Array], Cause]
+) -> tuple[Blame, ...]:
+    """Return the same causes with their figures beside each other.
+
+    Args:
+        found: The search.
+        blames: What it has found, with rivals.
+        error: Errors of the model at its rows.
+        again: Makes the columns of a cause with the base parameters of a fit, shape (b,).
+    """
+    rows, causes = found.rows, [blame.cause for blame in blames]
+    solved = _fit(rows, causes)
+    made = [again(cause, solved.beta[: rows.size]) for cause in causes]
+    if any(new is not old for new, old in zip(made, causes, strict=True)):
+        causes, solved = made, _fit(rows, made)
+    every = slice(None, None, error.every)
+    columns = _columns(rows, causes, solved, every)
+    targets = np.where(rows.masks, rows.target, 0.0)[every] / np.sqrt(solved.variances)
+    residuals = [target - own @ solved.beta for target, own in zip(targets.T, columns, strict=True)]
+    errors = error.of_rows(columns, residuals)
+    numbers = [_number(found, blame.cause) for blame in blames]
+    told = []
+    for k, blame in enumerate(blames):
+        rivals, others = [], numbers[:k] + numbers[k + 1 :]
+        for rival in blame.rivals:
+            number, beside = _number(found, rival.cause), [*causes[:k], rival.cause, *causes[k + 1 :]]
+            if number in others:
+                continue  # it was taken in later, and is told itself
+            fit = _fit(rows, beside)
+            columns = errors.with_columns(_columns(rows, beside, fit, every))
+            ((_, times),) = found.worths([(*others, number)])
+            rivals.append(_figured(rival, fit, _places(rows, beside, k), columns.widening, times))
+        ((_, times),) = found.worths([(*others, numbers[k])])
+        one = _figured(blame, solved, _places(rows, causes, k), errors.widening, times)
+        told.append(replace(one, cause=causes[k], rivals=tuple(rivals)))
+    return tuple(told)
+
+
+def _figured(
+    blame: Blame, solved: Solved, places: slice, widening: Callable[[int, Array], float], times: float
+) -> Blame:
+    """Return a cause with its figures at ``places`` of a fit whose rows hang together by ``times``."""
+    factors = np.full(len(solved.variances), times)
+    roots = np.sqrt([widening(place, factors) for place in range(places.start, places.stop)])
+    covariance = solved.covariance[places, places] * np.outer(roots, roots)
+    return replace(blame, values=solved.beta[places], covariance=covariance)
+
+
+def _fit(rows: CauseRows, causes: Sequence[Cause]) -> Solved:
+    """Return the fit of all columns with some causes."""
+    return CauseSearch(rows, causes).fit(range(len(causes)))
+
+
+def _number(search: CauseSearch, cause: Cause) -> int:
+    return next(k for k, one in enumerate(search.causes) if one is cause)
+
+
+def _places(rows: CauseRows, causes: Sequence[Cause], which: int) -> slice:
+    """Return where the coefficients of one of the causes stand in a fit."""
+    begin = rows.size + sum(len(cause.columns) for cause in causes[:which])
+    return slice(begin, begin + len(causes[which].columns))
+
+
+def _columns(rows: CauseRows, causes: Sequence[Cause], solved: Solved, every: slice) -> list[Array]:
+    """Return the columns of some rows of each joint, over the deviation of its residual, shape (N, k) each."""
+    found = []
+    for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
+        here = np.zeros((len(block[every]), len(solved.beta)))
+        here[:, own] = block[every]
+        here[:, rows.size :] = np.concatenate([cause.columns[:, every, i] for cause in causes]).T
+        here[~rows.masks[every, i]] = 0.0
+        found.append(here / np.sqrt(solved.variances[i]))
+    return found

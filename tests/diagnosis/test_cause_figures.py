@@ -1,0 +1,49 @@
+"""Figures of the causes that a search has found, and their intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.faults import injections as put
+from benchmarks.faults.figures import stated
+from benchmarks.faults.trials import Trial, subject_of, virtual
+
+from dynident.case.case import read_case
+from dynident.diagnosis.checks.residual_trends import ResidualTrends
+
+
+def figure(trial: Trial, name: str, folder: Path) -> tuple[np.ndarray, float]:
+    """Return the figure of the cause of a name, and half of its interval."""
+    (found,) = [one for one in ResidualTrends().findings(subject_of(trial, folder)) if one.name == name]
+    told = stated(found, trial)
+    assert told is not None
+    return np.atleast_1d(told.value), told.half
+
+
+def tilted(trial: Trial) -> Trial:
+    return put.tilted(trial, 1.8, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "wanted", "near"),
+    [
+        ("time scale", lambda trial: put.timed(trial, 1.1), 1.1, 2.5e-3),
+        ("tilt", tilted, [0.0, 0.0, -9.81], 3e-3),
+    ],
+)
+def test_figures_hold_far_from_where_their_columns_are_straight_lines(
+    name: str, fault: Callable[[Trial], Trial], wanted: float | list[float], near: float, tmp_path: Path
+) -> None:
+    value, half = figure(fault(virtual(read_case("generic-6r"))), name, tmp_path)
+    assert np.linalg.norm(value - np.atleast_1d(wanted)) < near and half < 15 * near
+
+
+def test_a_bend_that_no_model_has_widens_the_interval_of_a_lean(tmp_path: Path) -> None:
+    right = virtual(read_case("generic-6r"))
+    q, tau = right.columns["q"], right.columns["tau"]
+    bent = right.with_columns(tau=tau + 0.03 * tau.std(axis=0) * np.sin(3 * q))
+    (_, narrow), (_, wide) = (figure(tilted(trial), "tilt", tmp_path) for trial in (right, bent))
+    assert wide > 2 * narrow
