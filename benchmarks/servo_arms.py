@@ -8,7 +8,8 @@ in it; mass matrix and bias torque are dynident's kernels, compared with Pinocch
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numba
@@ -234,17 +235,43 @@ def arm_log(
 
 def arm_logs(arm: VirtualArm, rate: float, gains: tuple[float, ...], seconds: float = 6.0) -> list[ServoLog]:
     """Return logs of chirps, steps and a lift with a free swing at some gains, all joints at once."""
-    time = np.arange(0.0, seconds, 1.0 / rate)
     n = arm.robot.dof
     phase = np.linspace(0.0, 1.0, n)
+    lifts = np.where(phase == 0.0, 0.3, 0.7 / np.maximum(n - 1, 1))
+    found = []
+    for kp in gains:
+        for name, time, command, is_on in _motions(phase, lifts, rate, seconds):
+            log = arm_log(arm, time, command, kp, is_on)
+            found.append(replace(log, name=f"{name} kp{kp:g}"))
+    return found
+
+
+def single_logs(arm: VirtualArm, rate: float, poses: Mapping[float, Array], seconds: float = 6.0) -> list[ServoLog]:
+    """Return the same motions of one joint after the other, the others held at a pose, (n,) in rad, of each gain."""
+    n = arm.robot.dof
+    found = []
+    for kp, pose in poses.items():
+        for joint, phase in enumerate(np.linspace(0.0, 1.0, n)):
+            moves = np.arange(n) == joint
+            for name, time, command, is_on in _motions(np.array([phase]), np.array([0.7]), rate, seconds):
+                log = arm_log(arm, time, pose + command * moves, kp, is_on[:, None] | ~moves)
+                found.append(replace(log, name=f"{name} joint{joint + 1} kp{kp:g}"))
+    return found
+
+
+def _motions(phase: Array, lifts: Array, rate: float, seconds: float) -> list[tuple[str, Array, Array, BoolArray]]:
+    """Return name, time, commands (N, n) and where the drives are on (N,) of each motion.
+
+    Args:
+        phase: What tells the motions of the joints apart, shape (n,).
+        lifts: Speed of the lift before the free swing, shape (n,), in rad/s.
+        rate: In Hz.
+        seconds: Length.
+    """
+    time = np.arange(0.0, seconds, 1.0 / rate)
     on = np.ones(len(time), dtype=bool)
     chirp = 0.5 * np.sin(2 * np.pi * ((0.3 + 0.1 * phase) + 0.15 * time[:, None]) * time[:, None])
     beat = 0.4 + 0.13 * phase
     steps = 0.6 * np.sign(np.sin(2 * np.pi * beat * time[:, None])) * np.minimum(time[:, None] / 0.5, 1.0)
-    lift = np.outer(np.clip(time, 0.0, 1.5), np.where(phase == 0.0, 0.3, 0.7 / np.maximum(n - 1, 1)))
-    found = []
-    for kp in gains:
-        for name, command, is_on in (("chirp", chirp, on), ("steps", steps, on), ("drop", lift, time < 2.0)):
-            log = arm_log(arm, time, command, kp, is_on)
-            found.append(ServoLog(**{**vars(log), "name": f"{name} kp{kp:g}"}))
-    return found
+    lift = np.outer(np.clip(time, 0.0, 1.5), lifts)
+    return [("chirp", time, chirp, on), ("steps", time, steps, on), ("drop", time, lift, time < 2.0)]

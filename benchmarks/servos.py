@@ -9,7 +9,9 @@ integrated by Pinocchio (servo_arms.py). One seed in four has stiction (Stribeck
 others. One line a seed is added to the file, and seeds that it holds are not run again. With --minutes the arms have
 logs of that length in all, at position gains from 6 to 20, and no stiction: how long does the answer take? With
 --bodies the bodies of the robot model are off by about 30 % and free; with --payload logs of a known payload are added.
+With --single one joint of an arm moves at a time, the others hold a pose, another one at each gain.
 Run: python -m benchmarks.servos FILE [--joints N] [--seeds N] [--first K] [--minutes M] [--bodies] [--payload]
+[--single]
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.servo_arms import arm_logs, drawn_arm
+from benchmarks.servo_arms import arm_logs, drawn_arm, single_logs
 from benchmarks.servo_bodies import disturbed, held, lines_of
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import JointActuator
@@ -123,7 +125,9 @@ def gains_of(minutes: float) -> tuple[float, ...]:
     return tuple(np.linspace(6.0, 20.0, ceil(20.0 * minutes / SECONDS))) if minutes else (8.0, 16.0)
 
 
-def one(seed: int, joints: int, folder: Path, minutes: float = 0.0, bodies: str = "") -> dict[str, object]:
+def one(
+    seed: int, joints: int, folder: Path, minutes: float = 0.0, bodies: str = "", is_single: bool = False
+) -> dict[str, object]:
     """Return what one seed gives, as plain data; bodies: ``plausible``, or ``payload`` with logs of one too."""
     random = np.random.default_rng([7, seed] if joints == 1 else [11, joints, seed])
     rate = RATE
@@ -141,7 +145,11 @@ def one(seed: int, joints: int, folder: Path, minutes: float = 0.0, bodies: str 
         if not minutes:
             add_stiction(random, arm.true)
         robot, true, rate = arm.robot, arm.true, RATES[seed % len(RATES)]
-        logs = arm_logs(arm, rate, gains_of(minutes))
+        if is_single:
+            poses = {kp: random.uniform(-0.8, 0.8, joints) for kp in gains_of(minutes)}
+            logs = single_logs(arm, rate, poses)
+        else:
+            logs = arm_logs(arm, rate, gains_of(minutes))
         if bodies == "payload":
             loaded = replace(arm, robot=with_payload(robot, PAYLOAD))
             more = arm_logs(loaded, rate, (12.0,))
@@ -240,6 +248,7 @@ def main() -> None:
     options.add_argument("--minutes", type=float, default=0.0)
     options.add_argument("--bodies", action="store_const", const="plausible", default="")
     options.add_argument("--payload", dest="bodies", action="store_const", const="payload")
+    options.add_argument("--single", action="store_true")
     chosen = options.parse_args()
     file: Path = chosen.file
     lines = [json.loads(text) for text in file.read_text().splitlines()] if file.exists() else []
@@ -247,7 +256,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(chosen.first, chosen.first + chosen.seeds):
             if seed not in done:
-                lines.append(one(seed, chosen.joints, Path(folder), chosen.minutes, chosen.bodies))
+                lines.append(one(seed, chosen.joints, Path(folder), chosen.minutes, chosen.bodies, chosen.single))
                 with file.open("a") as sink:
                     sink.write(json.dumps(lines[-1]) + "\n")
     print("\n".join(summary(lines)))

@@ -89,7 +89,6 @@ def test_the_source_has_none_of(figure: str, figures: dict[str, Any]) -> None:
 
 #: Files under 60 lines that are neither parts nor ``__init__.py``, and why each stands alone.
 SMALL = {
-    "identification/selection/friction/model_comparison.py": "models with delays of their own, apart from the search",
     "__main__.py": "what Python runs for -m",
     "api/estimate_output.py": "of the commands that write an estimate",
     "api/validate.py": "a verb",

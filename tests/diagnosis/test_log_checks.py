@@ -23,6 +23,7 @@ from benchmarks.faults.trials import Trial, subject_of, virtual
 
 from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
+from dynident.data.log import smallest_step
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.cause_search import Blame, Cause
 from dynident.diagnosis.causes.held_out import halves
@@ -37,6 +38,7 @@ from dynident.diagnosis.finding import SEVERITIES
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair, sortable, wraps
 from dynident.model.friction import FRICTION, default_friction
+from dynident.model.friction.warm_up import WarmUp
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
@@ -420,6 +422,32 @@ def test_flat_tops_and_levels() -> None:
     assert steps_of(np.round(wave * 10) / 10) == pytest.approx(20, abs=1)
     assert steps_of(wave) == np.inf
     assert steps_of(np.zeros(50)) == 0.0
+
+
+@pytest.mark.parametrize("step", [1e-3, 2 * np.pi / 4096])
+def test_levels_show_where_few_values_come_twice(step: float) -> None:
+    """A short log over a wide range: more levels than a quarter of the samples."""
+    time = np.arange(3000) / 100.0
+    wave = 2.0 * np.sin(1.3 * time) + 0.6 * np.sin(1.1 * time)
+    counted = np.round(wave / step) * step
+    assert smallest_step(counted) == pytest.approx(step, rel=1e-6)
+    assert smallest_step(np.round(counted, 4)) == pytest.approx(step, rel=1e-3)  # as text has it
+    for smooth in (wave, np.round(wave, 6), wave + 1e-4 * np.random.default_rng(0).normal(size=len(wave))):
+        assert smallest_step(smooth) == 0.0
+
+
+@pytest.mark.parametrize("is_described", [False, True])
+def test_friction_that_warms_up_is_told_unless_the_case_has_it(is_described: bool, tmp_path: Path) -> None:
+    robot = read_robot("generic-6r")
+    friction = tuple(FRICTION.make(name) for name in default_friction())
+    case = Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+    trial = virtual(case, rate=RATE)
+    time, speed = (np.asarray(trial.columns[name]) for name in ("t", "dq"))
+    warm = -np.expm1(-(time - time[0]) / 15.0)[:, None] * np.tanh(speed / 0.02)
+    trial = trial.with_columns(tau=trial.columns["tau"] - 0.05 * np.std(trial.columns["tau"], axis=0) * warm)
+    case = replace(case, friction=(*friction, WarmUp(15.0))) if is_described else case
+    told = [one.name for one in replace(trial, case=case).examined(tmp_path).findings]
+    assert ("friction drift" in told) != is_described
 
 
 def test_rounding_of_positions_counts_as_it_shows_in_the_acceleration() -> None:

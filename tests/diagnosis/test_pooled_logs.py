@@ -142,6 +142,21 @@ def test_many_logs_are_fitted_in_parts(trials: list[Trial], tmp_path: Path, monk
     monkeypatch.setattr("dynident.diagnosis.examination.LONGEST_S", 45.0)
     found = examine_logs(trials[0].case, written([*trials, trials[0]], tmp_path))
     assert [one.path for one in found[4:]] == ["2 of 4 logs, from run0.npz on", "2 of 4 logs, from run2.npz on"]
+    assert not any(finding.name == "unlike other logs" for one in found for finding in one.findings)
+
+
+def test_parts_of_many_logs_are_compared(trials: list[Trial], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Torques of the last two logs, which are a part, are in another unit: neither part shows it alone."""
+    monkeypatch.setattr("dynident.diagnosis.examination.LONGEST_S", 45.0)
+    other = [trial.with_columns(tau=1.6 * trial.columns["tau"]) for trial in (trials[2], trials[1])]
+    found = examine_logs(trials[0].case, written([*trials[:2], *other, trials[0], trials[2]], tmp_path))
+    (first, second, third), alone = found[6:], found[:6]
+    (finding,) = [each for each in second.findings if each.name == "unlike other logs"]
+    assert finding.evidence.startswith("with parameters of the other logs its residual is")
+    assert not any(each.name == "unlike other logs" for one in (first, third, *alone) for each in one.findings)
+    monkeypatch.setattr("dynident.diagnosis.examination.LONGEST_S", 25.0)
+    last = examine_logs(trials[0].case, written([*trials[:2], other[0]], tmp_path))[2]
+    assert "unlike other logs" in [each.name for each in last.findings]  # parts of one log each
 
 
 def test_a_log_without_torque_has_no_part(trials: list[Trial], tmp_path: Path) -> None:

@@ -19,8 +19,9 @@ from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.errors import BadOption
 from dynident.identification.files.estimate_file import read_estimate, write_estimate
 from dynident.identification.identify import identify
+from dynident.identification.problem.choices import DelayRecord
 from dynident.identification.problem.regressor_stream import RegressorStream
-from dynident.identification.selection.delay import Delay, common_delay, find_delays
+from dynident.identification.selection.delay import common_delay, find_delays
 from dynident.identification.selection.delay_rows import RANGE, DelayRows
 from dynident.identification.validate import validate
 from dynident.model.base_parameters import base_parameters
@@ -128,18 +129,18 @@ def test_a_search_makes_the_rows_once_and_again_where_the_delay_leaves_their_ran
 def test_a_torque_moved_by_a_known_time_moves_the_delay_by_it(
     model: DynamicModel, late: Callable[..., Log], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def found(log: Log) -> Delay:
+    def found(log: Log) -> DelayRecord:
         return find_delays(model, base_parameters(model), [preprocess(log, AUTO)])[0][0]
 
     log = late(1.3, noise=0.05)
     moved = replace(log, torque=fractional_shift(np.asarray(log.torque), 2.45))
     first, second = found(log), found(moved)
     assert (second.seconds - first.seconds) * RATE == pytest.approx(2.45, abs=0.02)
-    assert second.deviation == pytest.approx(first.deviation, rel=0.05)
+    assert second.std == pytest.approx(first.std, rel=0.05)
     monkeypatch.setattr("dynident.identification.selection.delay.MOST", 500)
     monkeypatch.setattr("dynident.identification.selection.delay_rows.STRETCH", 100)
     fewer = found(log)
-    assert abs(fewer.seconds - first.seconds) < 4 * fewer.deviation and fewer.deviation > first.deviation
+    assert abs(fewer.seconds - first.seconds) < 4 * fewer.std and fewer.std > first.std
 
 
 def test_rows_tell_slopes_and_torques_between_samples(
@@ -165,7 +166,7 @@ def test_rows_tell_slopes_and_torques_between_samples(
 
 
 def test_the_surest_delay_counts_most() -> None:
-    delays = (Delay(1e-3, 1e-4, 1e-3), Delay(2e-3, 2e-4, 2e-3))
+    delays = (DelayRecord("a", 1e-3, 1e-4, 1e-3), DelayRecord("b", 2e-3, 2e-4, 2e-3))
     assert common_delay(delays) == pytest.approx((4 * 1e-3 + 2e-3) / 5)
 
 

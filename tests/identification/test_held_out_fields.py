@@ -16,9 +16,9 @@ from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption
 from dynident.identification.files.estimate_file import summary
 from dynident.identification.identify import identify
-from dynident.identification.problem.choices import Choices
-from dynident.identification.selection.friction.held_out_fields import choose_fields
-from dynident.identification.selection.friction.nested_fits import beyond
+from dynident.identification.problem.choices import Choices, FieldChoice
+from dynident.identification.selection.friction.held_out_fields import search_friction
+from dynident.identification.selection.friction.nested_fits import beyond, fit, without
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
@@ -46,6 +46,11 @@ def logged(robot: Robot, parts: tuple[Friction, ...], values: list[float], exact
 
 def rows(*logs: Log) -> list[Prepared]:
     return [preprocess(log, GIVEN) for log in logs]
+
+
+def choose_fields(*arguments: Any, **options: Any) -> tuple[DynamicModel, tuple[FieldChoice, ...]]:
+    search = search_friction(*arguments, **options)
+    return search.chosen, search.told
 
 
 @pytest.mark.parametrize("width", [0.05, 0.2])
@@ -243,9 +248,9 @@ def test_what_is_chosen_last_is_chosen_with_the_delay_that_was_found(
 
     def told(*arguments: Any, **options: Any) -> Any:
         free.append(any(value is True for value in (*arguments, *options.values())))
-        return choose_fields(*arguments, **options)
+        return search_friction(*arguments, **options)
 
-    monkeypatch.setattr("dynident.identification.build_problem.choose_fields", told)
+    monkeypatch.setattr("dynident.identification.build_problem.search_friction", told)
     model = DynamicModel(planar_2r, (DRY, Viscous()))
     estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
     assert free == [True, False]
@@ -268,4 +273,5 @@ def test_a_column_with_no_slow_rows_has_no_say_beyond_them(seed: int) -> None:
     beta[1:3], beta[3] = np.linalg.lstsq(w[~fast, 1:3], left)[0], 0.0
     expected = float(np.sum((w[fast, 4] - w[fast, :4] @ beta) ** 2))
     summed = np.sum([np.outer(row, row) for row in w[fast]], axis=0)  # in another order than the whole
-    assert beyond(products, summed, np.arange(4), 1) == pytest.approx(expected, rel=1e-6)
+    fitted = fit(products, np.arange(4))
+    assert beyond(fitted, without(products, summed), summed, np.arange(4), 1) == pytest.approx(expected, rel=1e-6)

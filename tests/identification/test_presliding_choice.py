@@ -12,11 +12,11 @@ from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, preprocess
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import LogMismatch
+from dynident.identification.build_problem import predicts_better
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.identification.selection.delay import find_delays
 from dynident.identification.selection.friction.column_pool import PartCandidate, SharedRows
-from dynident.identification.selection.friction.model_comparison import predicts_better
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import WHOLE, Friction, Motion

@@ -205,9 +205,16 @@ def _refined(
         start[places] = simpler.parameters[places]
     starts = starts_from(start, model)
     found = output_error(ServoProblem(data.train, free, model), starts, effort=effort).parameters
-    if found[PLACE["slew_limit"]] > NO_LIMIT * data.fastest:
-        found[PLACE["slew_limit"]], free = np.inf, tuple(name for name in free if name != "slew_limit")
+    found, free = _without_none(data, found, free)
     return JointFit(ratio, friction, {}, free, scanned, linear, found, found.copy(), free)
+
+
+def _without_none(data: JointData, parameters: Array, free: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
+    """Return parameters (COUNT,) and the free ones without a slew limit that is none."""
+    if "slew_limit" not in free or parameters[PLACE["slew_limit"]] <= NO_LIMIT * data.fastest:
+        return parameters, free
+    parameters[PLACE["slew_limit"]] = np.inf
+    return parameters, tuple(name for name in free if name != "slew_limit")
 
 
 def fit_again(data: JointData, fit: JointFit, most: int, finely: bool = False) -> JointFit:
@@ -220,13 +227,17 @@ def fit_again(data: JointData, fit: JointFit, most: int, finely: bool = False) -
         finely: Whether with the step of the answer.
     """
 
-    def again(start: Array, free: tuple[str, ...], friction: str) -> Array:
+    def again(start: Array, free: tuple[str, ...], friction: str) -> tuple[Array, tuple[str, ...]]:
         problem = ServoProblem(data.train, free, FRICTION_MODELS[friction])
-        return refined(problem.finely if finely else problem, start, most)
+        if finely:  # the last step: what is free stays free
+            return refined(problem.finely, start, most), free
+        return _without_none(data, refined(problem, start, most), free)
 
-    parameters = again(fit.parameters, fit.free, fit.friction)
-    simple = parameters.copy() if fit.friction == "m1" else again(fit.simple, fit.simple_free, "m1")
-    return replace(fit, parameters=parameters, simple=simple)
+    parameters, free = again(fit.parameters, fit.free, fit.friction)
+    simple, simple_free = parameters.copy(), free
+    if fit.friction != "m1":
+        simple, simple_free = again(fit.simple, fit.simple_free, "m1")
+    return replace(fit, parameters=parameters, free=free, simple=simple, simple_free=simple_free)
 
 
 def _gain(data: JointData) -> float:

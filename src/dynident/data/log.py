@@ -153,14 +153,18 @@ class Log(ShortText):
 
 
 def smallest_step(column: Array) -> float:
-    """Return the smallest difference of two values that a signal (N,) takes; 0 where it has no levels.
+    """Return the smallest difference of two values that a signal (N,) takes, its levels; 0 where it has none.
 
-    Rounding of the text counts as none, so a value must occur many times over before it is a level.
+    Levels are values that occur many times over, or lie on equal steps of which many are taken; rounded text has few.
     """
-    levels = np.unique(column)
-    if not 2 <= len(levels) <= len(column) / 4:  # else most values occur once or twice: no levels
-        return 0.0
-    return float(np.quantile(np.diff(levels), 0.1))
+    gaps = np.diff(levels := np.unique(column))
+    step = float(np.quantile(gaps, 0.1)) if len(gaps) else 0.0
+    if not step or len(levels) <= len(column) / 4:
+        return step
+    counts = np.round(gaps / step)
+    gaps, counts = gaps[counts <= 3], counts[counts <= 3]
+    step = float(gaps.sum() / counts.sum())
+    return step if np.quantile(np.abs(gaps / step - counts), 0.99) < 0.1 <= np.mean(counts == 1) else 0.0
 
 
 def torque_from_current(log: Log, gains: Mapping[str, float], coupling: Array | None = None) -> Log:

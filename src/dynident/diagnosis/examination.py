@@ -15,7 +15,8 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.case import Case
-from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, pooled_logs
+from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, alike_parts, pooled_logs
+from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.checks import CHECKS, Check, CheckedLog
 from dynident.diagnosis.finding import SEVERITIES, Finding, Severity
 from dynident.diagnosis.recording import Recording, read_recording
@@ -136,14 +137,14 @@ def examine_recordings(
     checks = [CHECKS.make(name) for name in CHECKS.names()]
     seen = [_of_signals(checks, case, recording, earlier) for recording in recordings]
     last = [check for check in checks if check.stage == _STAGES[-1]]
+    parts = [_of_fits(last, group) for group in _groups([one for one in seen if not one.left_out])]
+    _compare(case, parts)
     more: list[Examination] = []
-    groups = list(_groups([one for one in seen if not one.left_out]))
-    for group in groups:
-        together = _of_fits(last, group)
-        if together:
-            name = _named(together, total or len(seen), len(groups) > 1)
-            members = tuple(one.subject.raw.log.name for one in together)
-            more.append(Examination(name, ordered(together[0].others), logs=members))
+    for part in parts:
+        if part.together:
+            name = _named(part.together, total or len(seen), len(parts) > 1)
+            members = tuple(one.subject.raw.log.name for one in part.together)
+            more.append(Examination(name, ordered(part.found), logs=members))
     return (*(one.examination() for one in seen), *more)
 
 
@@ -182,7 +183,22 @@ def _groups(ready: Sequence[_ExaminedLog]) -> Iterator[list[_ExaminedLog]]:
         yield group
 
 
-def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> list[_ExaminedLog]:
+@dataclass(frozen=True)
+class _PartOfLogs:
+    """Logs that may be fitted at once.
+
+    Attributes:
+        together: Those that were fitted together; empty where no two were.
+        found: Findings of these, or of the one log.
+        fit: Theirs; None where there is none of all.
+    """
+
+    together: Sequence[_ExaminedLog]
+    found: list[Finding]
+    fit: QuickFit | None
+
+
+def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> _PartOfLogs:
     """Add what fits show to the findings of some logs; return those of them that were fitted together."""
     pooled = pooled_logs([one.subject.thin for one in group]) if len(group) > 1 else AlikeLogs()
     together = [group[k] for k in pooled.together]
@@ -196,12 +212,32 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> list[_Ex
     for k in apart:
         group[k].found += _of_stage(checks, group[k].subject, group[k].found)
     own = [finding for one in group for finding in one.found]
-    why = any(each.severity == "warning" or each.name == "friction curve" for each in (told if together else own))
+    why = _may_be_why(told if together else own)
     if not any(finding.severity == "error" for finding in (*own, *told)):  # else that is why logs differ
         for k in apart if len(pooled.ratios) else ():
             if pooled.ratios[k].max() > UNLIKE:
                 group[k].found.append(_unlike(group[k].subject.case, pooled.ratios[k], bool(together), why))
-    return together
+    return (
+        _PartOfLogs(together, told, pooled.fit)
+        if together or group[1:]
+        else _PartOfLogs((), group[0].found, group[0].subject.fit)
+    )
+
+
+def _compare(case: Case, parts: Sequence[_PartOfLogs]) -> None:
+    """Add to the findings of parts of many logs that parameters of the others do not explain that they are unlike."""
+    known = [part for part in parts if part.fit is not None]
+    if len(known) < 2:
+        return
+    kept, ratios = alike_parts([part.fit for part in known if part.fit is not None])
+    for part, ratio in zip(known, ratios, strict=True):
+        if ratio.max() > UNLIKE:
+            part.found.append(_unlike(case, ratio, bool(kept.any()), _may_be_why(part.found)))
+
+
+def _may_be_why(found: Sequence[Finding]) -> bool:
+    """Return whether findings hold a cause that may be why logs differ."""
+    return any(each.severity == "warning" or each.name == "friction curve" for each in found)
 
 
 def _named(together: Sequence[_ExaminedLog], total: int, is_part: bool) -> str:

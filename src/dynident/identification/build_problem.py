@@ -17,10 +17,11 @@ from dynident.identification.problem.choices import Choices, DelayRecord, FieldC
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
-from dynident.identification.selection.friction.column_pool import ROWS, SharedRows
-from dynident.identification.selection.friction.held_out_fields import choose_fields
+from dynident.identification.selection.friction.column_pool import ROWS, PooledLogs, SharedRows
+from dynident.identification.selection.friction.held_out_errors import NOTHING, OF_SHORT_LOGS, HeldOut, share_of
+from dynident.identification.selection.friction.held_out_fields import FrictionSearch, search_friction
 from dynident.identification.selection.friction.load import problem_of, without_load
-from dynident.identification.selection.friction.model_comparison import predicts_better
+from dynident.identification.selection.friction.parts_by_drive import by_drive
 from dynident.identification.selection.friction.variable_projection import (
     finest_of,
     has_choices,
@@ -86,8 +87,8 @@ def build_problem(
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
         shared = SharedRows(model.robot, [log.sparser(ROWS) for log in plain])
-        tries = partial(choose_fields, progress=progress, finest=finest, shared=shared)
-        model, prepared, choices = _with_chosen_fields(model, plain, (prepared, choices), progress, tries, shared)
+        search = partial(search_friction, progress=progress, finest=finest, shared=shared)
+        model, prepared, choices = _with_chosen_fields(model, plain, (prepared, choices), progress, search, shared)
     if has_varying(model):
         model, varied = vary_fields(model, prepared, progress, finest)
         choices = replace(choices, non_linear=tuple(varied))
@@ -155,36 +156,71 @@ def _with_chosen_fields(
     plain: Sequence[Prepared],
     before: tuple[Sequence[Prepared], Choices],
     progress: Callable[[str], None],
-    choose: Callable[..., tuple[DynamicModel, tuple[FieldChoice, ...]]],
+    search: Callable[..., FrictionSearch],
     shared: SharedRows,
 ) -> tuple[DynamicModel, Sequence[Prepared], Choices]:
     """Return the model with the fields that held-out data ask for, the logs with their delay, and the choice of both.
 
     A delay that is to be found is free at first, so that neither it nor friction passes for the other. A free delay
     also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found. A part
-    that remembers and its delay have to predict better than the best list without it and the delay of that. ``choose``
-    is :func:`choose_fields` with what is the same each time.
+    that remembers is tried beside the list without it; where it is taken, the other parts are chosen again beside it,
+    and both have to predict better than that list and its delay. ``search`` is :func:`search_friction` with what is
+    the same each time.
     """
-    (prepared, choices), first, delay_is_free = before, without_optional(model), plain[0].how.delay_s is None
-    without, (chosen, held) = choices.delays or (), choose(model, prepared, delay_is_free=delay_is_free)
+    (prepared, choices), delay_is_free = before, plain[0].how.delay_s is None
+
+    def settled(
+        found: FrictionSearch, rows: Sequence[Prepared], own: Choices, last: DynamicModel, after: FrictionSearch | None
+    ) -> tuple[FrictionSearch, Sequence[Prepared], Choices]:
+        without = own.delays or ()
+        for is_last in (False, True):
+            if delay_is_free and found.chosen != last:
+                rows, delays = _with_delays(found.chosen, plain, progress, without)
+                own = replace(own, **delays)
+            if not is_last and (delay_is_free or after):
+                last, found = found.chosen, search(model, rows, after=after)
+        return found, rows, replace(own, chosen_fields=found.told)
+
+    found = search(model, prepared, delay_is_free=delay_is_free)
+    found, prepared, choices = settled(found, prepared, choices, without_optional(model), None)
     lagging = [called(part) for part in model.friction if part.lags and part.is_optional]
-    told = [each.value for each in held if each.field == WHOLE and each.part in lagging]
-    for is_last in (False, True) if delay_is_free else ():
-        if chosen != first:
-            prepared, delays = _with_delays(chosen, plain, progress, without)
-            choices = replace(choices, **delays)
-        if not is_last:
-            first, (chosen, held) = chosen, choose(model, prepared, remembers=bool(told) and all(told))
-    choices = replace(choices, chosen_fields=held)
-    if delay_is_free and chosen.lags and lagging:
-        forgetful = replace(model, friction=tuple(p for p in model.friction if not (p.lags and p.is_optional)))
-        other, others, without_it = _with_chosen_fields(forgetful, plain, before, progress, choose, shared)
-        better, tried = predicts_better(chosen, prepared, other, others, shared)
-        if not better:
-            return other, others, replace(without_it, chosen_fields=(*(without_it.chosen_fields or ()), *tried))
-        held = tuple(each for each in held if each.field != WHOLE or each.part not in lagging)
-        choices = replace(choices, chosen_fields=(*held, *tried))
-    return chosen, prepared, choices
+    beside = search(model, prepared, delay_is_free=delay_is_free, after=found) if lagging else found
+    if not beside.remembers:
+        return found.chosen, prepared, replace(choices, chosen_fields=beside.told)
+    beside, rows, own = settled(beside, prepared, choices, found.chosen, beside)
+    better, tried = predicts_better(beside.chosen, rows, found.chosen, prepared, shared)
+    held = tuple(each for each in beside.told if each.field != WHOLE or each.part not in lagging)
+    if not better:
+        return found.chosen, prepared, replace(choices, chosen_fields=(*found.told, *tried))
+    return beside.chosen, rows, replace(own, chosen_fields=(*held, *tried))
+
+
+def predicts_better(
+    model: DynamicModel,
+    logs: Sequence[Prepared],
+    other: DynamicModel,
+    others: Sequence[Prepared],
+    shared: SharedRows,
+) -> tuple[bool, tuple[FieldChoice, ...]]:
+    """Return whether a model predicts held-out stretches better than another one, and what its parts with a state do.
+
+    Each with the logs under its own delay; ``others`` are the same logs under that of the other one. ``shared`` are the
+    rows that choices of the same logs have left.
+    """
+    found: list[Array] = []
+    weights = None
+    for each, rows in ((other, others), (model, logs)):
+        own = shared.under(rows)
+        load = shared.load(each, own) if "torque" in each.needs else None
+        pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load, shared=shared).pool(each.friction)
+        parts = by_drive(each, each.friction, range(len(each.friction)))
+        weights = pool.weights(parts) if weights is None else weights
+        found += HeldOut.of(pool, parts, [parts], weights).errors(fastest=False)
+    gain, error = share_of(found[0] - found[1])
+    better = gain > NOTHING
+    told = (WHOLE, 0.0, float(gain > 0), float(better), gain, error)
+    parts = [part for part in model.friction if part.lags and part.is_optional]
+    return better, tuple(FieldChoice(called(part), part.joints, *told) for part in parts)
 
 
 def _within_cycle(model: DynamicModel, part: Friction, logs: Sequence[Log], how: Preprocessing) -> Friction | None:
@@ -230,18 +266,14 @@ def _with_delays(
     """
     if plain[0].how.delay_s is not None:
         return plain, {}
-    from dynident.identification.selection.delay import Delay, common_delay, find_delays  # few need it
+    from dynident.identification.selection.delay import common_delay, find_delays  # few need it
 
     progress("time delay between torque and position")
     simple = without_load(model)
-    bounds: Sequence[DelayRecord | Delay] = without if simple.lags else ()
+    bounds = without if simple.lags else ()
     if simple.lags and not bounds:
         forgetful = replace(simple, friction=tuple(part for part in simple.friction if not part.lags))
         bounds, _ = find_delays(forgetful, base_parameters(forgetful), plain)
     within = [delay.applied for delay in bounds]
     delays, prepared = find_delays(simple, base_parameters(simple), plain, within)
-    table = tuple(
-        DelayRecord(log.log.name, delay.seconds, delay.deviation, delay.applied)
-        for log, delay in zip(plain, delays, strict=True)
-    )
-    return prepared, {"delays": table, "delay_s": common_delay(delays)}
+    return prepared, {"delays": delays, "delay_s": common_delay(delays)}

@@ -8,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from dynident.actuators.formats.trajectory import STATE, TRAJECTORY
 from dynident.case.draft.column_words import KIND, SIGNAL, tokens_of
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.data.formats import FORMATS, LogTable
 from dynident.data.formats._bag_source import bag_source
 from dynident.errors import LogFormatError
 
-#: Kinds of messages: states of joints, commands by place, both of a trajectory controller.
-_STATE, _ARRAY, _CONTROLLER = "sensor_msgs/msg/JointState", "MultiArray", "JointTrajectoryControllerState"
+#: Kinds of messages: commands by place, and states and commands of a trajectory controller.
+_ARRAY, _CONTROLLER = "MultiArray", "JointTrajectoryControllerState"
 
 #: Rows that are looked at for torques.
 _ROWS = 1 << 10
@@ -27,8 +28,8 @@ _PLACE = re.compile(r"(.+):data\[(\d+)\]")
 def command_topics(path: str | Path) -> tuple[str, ...]:
     """Return the topics that have states and commands of joints, where the states of a recording have no efforts.
 
-    The commands are the one topic whose name has a word for it, or states and commands are of one trajectory
-    controller. None where the file is no recording, or several topics may be the one.
+    The commands are the one topic whose name has a word for it, states and commands of one trajectory controller, or
+    the one topic of trajectories. None where the file is no recording, or several topics may be the one.
 
     Raises:
         FileError: It cannot be read.
@@ -40,18 +41,24 @@ def command_topics(path: str | Path) -> tuple[str, ...]:
     words = {topic: tokens_of(topic) for topic in topics}
     told = [topic for topic, own in words.items() if any(KIND.get(word) == "commanded" for word in own)]
     told = [topic for topic in told if all(SIGNAL.get(word, "q") == "q" for word in words[topic])]
-    states = [topic for topic, kind in topics.items() if kind == _STATE and topic not in told]
-    commands = [topic for topic in told if topics[topic] == _STATE or topics[topic].endswith(_ARRAY)]
+    states = [topic for topic, kind in topics.items() if kind == STATE and topic not in told]
+    commands = [topic for topic in told if topics[topic] == STATE or topics[topic].endswith(_ARRAY)]
     controllers = [topic for topic, kind in topics.items() if kind.endswith(_CONTROLLER)]
-    if len(states) != 1 or _has_torques(path, states[0]):
+    trajectories = [topic for topic, kind in topics.items() if kind == TRAJECTORY]
+    if len(states) > 1 or any(_has_torques(path, topic) for topic in states):
         return ()
-    if len(commands) == 1:
+    if len(commands) == len(states) == 1:
         return states[0], commands[0]
-    return tuple(controllers) if not commands and len(controllers) == 1 else ()
+    if commands or len(controllers) == 1:
+        return () if commands else tuple(controllers)
+    return (states[0], trajectories[0]) if len(trajectories) == len(states) == 1 else ()
 
 
 def recording(path: str | Path, topics: tuple[str, ...]) -> tuple[LogTable, str]:
     """Return a recording of these topics, without efforts and velocities, and the line of the case that says how."""
+    if TRAJECTORY in _kinds(path, topics):
+        table = FORMATS.make("trajectory", dict(zip(("states", "commands"), topics, strict=True))).open(path)
+        return table, f"format: {{trajectory: {{states: {topics[0]}, commands: {topics[1]}}}}}"
     stamps = "receive" if any(kind.endswith(_ARRAY) for kind in _kinds(path, topics)) else "header"
     table = FORMATS.make("rosbag", {"topics": topics, "stamps": stamps}).open(path)
     header = tuple(name for name in table.header if not name.endswith((".effort", ".velocity")))

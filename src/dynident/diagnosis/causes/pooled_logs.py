@@ -99,7 +99,7 @@ def pooled_logs(fits: Sequence[QuickFit | None]) -> AlikeLogs:
     pooled = pooled_fit(known)
     if not pooled.has_rows_enough:
         return AlikeLogs()
-    kept, told = _alike(pooled)
+    kept, told = _alike(pooled, _products(pooled))
     ratios = np.ones((len(fits), told.shape[1]))
     ratios[there] = told
     if kept.sum() < 2:
@@ -109,9 +109,17 @@ def pooled_logs(fits: Sequence[QuickFit | None]) -> AlikeLogs:
     return AlikeLogs(fit, tuple(there[k] for k in chosen), ratios)
 
 
-def _alike(fit: QuickFit) -> tuple[BoolArray, Array]:
-    """Return which of L logs are alike, shape (L,), and the ratios of their variances, shape (L, n)."""
-    logs = _products(fit)
+def alike_parts(fits: Sequence[QuickFit]) -> tuple[BoolArray, Array]:
+    """Return which of P parts of many logs are alike, shape (P,), and ratios as of :class:`AlikeLogs`, shape (P, n).
+
+    Args:
+        fits: Of each part, of one log or several.
+    """
+    return _alike(fits[0], [TargetProducts.summed(_products(fit)) for fit in fits])
+
+
+def _alike(fit: QuickFit, logs: Sequence[TargetProducts]) -> tuple[BoolArray, Array]:
+    """Return which of L logs of a model are alike, shape (L,), and the ratios of their variances, shape (L, n)."""
     free = np.array([len(own) for own in fit.rows.columns])
     worth = np.array([log.counts for log in logs]) / OVERSAMPLING
     own = np.array([log.fitted().variances for log in logs]) * worth / np.maximum(worth - free, 1.0)

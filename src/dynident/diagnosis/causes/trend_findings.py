@@ -136,7 +136,7 @@ def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     told = ", ".join(
         f"{name} {value:+.2g} +- {half:.1g}" for (name, value, half), told in zip(figures, there, strict=True) if told
     )
-    evidence = f"Coulomb friction changes from start to end of the log by (N m or N): {told}"
+    evidence = f"Coulomb friction changes from start to end of a log by (N m or N): {told}"
     step = "warm the arm up first, or add friction that follows: warm_up from a cold start, temperature if logged"
     return evidence, step
 

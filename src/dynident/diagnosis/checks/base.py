@@ -17,7 +17,8 @@ from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import Recording
 from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.selection.delay import Delay, find_delays
+from dynident.identification.problem.choices import DelayRecord
+from dynident.identification.selection.delay import find_delays
 
 #: A delay counts from this many of its standard deviations on.
 SURE_DELAY = 5.0
@@ -62,7 +63,7 @@ class CheckedLog:
         return next((scale for scale in other_scales(self.scales) if self.fit and is_sure(self.fit, scale)), None)
 
     @cached_property
-    def delay(self) -> Delay | None:
+    def delay(self) -> DelayRecord | None:
         """The delay of the torque; ``applied`` is 0 where it may well be none."""
         if self.fit is None:
             return None
@@ -73,7 +74,7 @@ class CheckedLog:
             (found,), _ = find_delays(model, base, [self.fit.rows.prepared])
         except DynidentError:
             return None
-        sure = abs(found.seconds) > SURE_DELAY * found.deviation
+        sure = abs(found.seconds) > SURE_DELAY * found.std
         return replace(found, applied=found.seconds if sure else 0.0)
 
     @cached_property
@@ -84,6 +85,14 @@ class CheckedLog:
         late = 0.0 if self.delay is None else self.delay.applied
         fit = replace(self.fit, how=replace(self.fit.how, delay_s=late)) if late else self.fit
         return Trends(fit, self.fit.gravity_observers)
+
+    @cached_property
+    def described(self) -> frozenset[str]:
+        """Names of causes that friction of the case describes, or is to be chosen for, and the quick fit has not."""
+        more = beyond_quick_fit(self.case)  # a case with such friction has chosen its friction already
+        warms = any("temperature" in part.needs or any(r.is_duration for r in part.ranges.values()) for part in more)
+        chosen = bool(more) or self.case.choose_friction
+        return frozenset({"friction curve"} if chosen else ()) | frozenset({"friction drift"} if warms else ())
 
     def trend_scale(self, joint: str) -> JointScale | None:
         """Return the scale of a joint's torque once its delay is taken out, as where trends are; None without a fit."""

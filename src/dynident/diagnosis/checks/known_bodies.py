@@ -9,9 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.diagnosis.causes.cause_search import Blame
-from dynident.diagnosis.causes.known_bodies import AgainstBodies, nominal_bodies, with_rotors
+from dynident.diagnosis.causes.known_bodies import AgainstBodies, KnownBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.quick_fit import asks_inertia
 from dynident.diagnosis.causes.trend_findings import TRENDS, Z95, believed, trend_finding
+from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
 
@@ -34,7 +35,7 @@ class KnownBodiesCheck(Check):
         trends, earlier = subject.trends, subject.known
         if trends is None:
             return []
-        found = [] if earlier is None else _findings(AgainstBodies(trends, earlier), "against the earlier estimate: ")
+        found = [] if earlier is None else _findings(subject, trends, earlier, "against the earlier estimate: ")
         model, base, robot = trends.fit.model, trends.fit.base, subject.case.robot
         nominal = nominal_bodies(model, base, robot, not asks_inertia(subject.case))
         theta = model.nominal()
@@ -42,15 +43,16 @@ class KnownBodiesCheck(Check):
             return found
         if earlier is not None and not earlier.agrees(base.from_standard(with_rotors(theta, model, robot))):
             return found  # what the earlier estimate says of the bodies is what the torques are held against
-        return [*found, *_findings(AgainstBodies(trends, nominal), "against the robot model: ")]
+        return [*found, *_findings(subject, trends, nominal, "against the robot model: ")]
 
 
-def _findings(against: AgainstBodies, words: str) -> list[Finding]:
+def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: str) -> list[Finding]:
+    against = AgainstBodies(trends, known)
     return [
         _finding(each, None if each is blame else blame, against, words)
         for blame in against.search.blames()
         for each in (blame, *blame.rivals)
-        if believed(each) is not None and _sureness(each) > TOLD
+        if each.cause.name not in subject.described and believed(each) is not None and _sureness(each) > TOLD
     ]
 
 

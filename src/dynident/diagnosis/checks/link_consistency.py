@@ -33,7 +33,7 @@ class LinkConsistency(Check):
             return []
         evidence = (
             f"links of positive mass density raise the residual by {100 * found.rise:.2g} %; noise and model error of "
-            f"this log raise it by at most {100 * found.chance:.2g} % in {DRAWS} draws; {found.link} is held most"
+            f"this size raise it by at most {100 * found.chance:.2g} % in {DRAWS} draws; {found.link} is held most"
         )
         remedy = (
             f"check torque scales, gear ratios and signs of the joints up to {found.link}, and lengths and axes of the "

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.diagnosis.causes.quick_fit import beyond_quick_fit
 from dynident.diagnosis.causes.trend_findings import TRENDS, believed, rival_findings, trend_finding
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
@@ -23,12 +22,10 @@ class ResidualTrends(Check):
         trends = subject.trends
         if trends is None:
             return []
-        # a case with friction that the quick fit has not has chosen its friction already
-        chosen = subject.case.choose_friction or bool(beyond_quick_fit(subject.case))
         return [
             finding
             for blame in trends.blames
-            if not (chosen and blame.cause.name == "friction curve")
+            if blame.cause.name not in subject.described
             for told in [believed(blame, subject.trend_scale)]
             if told is not None
             for finding in (trend_finding(told, trends.fit), *rival_findings(told, trends.fit, subject.trend_scale))

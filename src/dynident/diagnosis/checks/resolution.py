@@ -19,8 +19,9 @@ from dynident.diagnosis.finding import Finding, Severity, listed
 #: which it says little, and the finding is a warning.
 FEW_STEPS = 64
 
-#: Share of the acceleration that rounding makes of it from which positions are coarse.
-ROUNDING = 0.01
+#: Share of the acceleration that rounding makes of it from which positions are coarse: parameters are then off by its
+#: square, a thousandth.
+ROUNDING = 0.03
 
 
 @dataclass(frozen=True)

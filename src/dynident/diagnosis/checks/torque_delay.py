@@ -32,12 +32,12 @@ class TorqueDelay(Check):
         harm = abs(away) * float(np.median(slope.std(axis=0) / np.maximum(fit.rows.torque.std(axis=0), 1e-12)))
         evidence = (
             f"torques {'lag' if delay.seconds > 0 else 'lead'} {1e3 * abs(delay.seconds):.3g} ms "
-            f"(+- {1e3 * Z95 * delay.deviation:.2g} ms, {delay.seconds * rate:.2f} samples) against positions"
+            f"(+- {1e3 * Z95 * delay.std:.2g} ms, {delay.seconds * rate:.2f} samples) against positions"
         )
-        numbers = {"delay_s": delay.seconds, "std_s": delay.deviation, "displaced": harm}
+        numbers = {"delay_s": delay.seconds, "std_s": delay.std, "displaced": harm}
         if stated is None:
             return [Finding("note", "torque delay", "", evidence, "the case compensates it (delay_s: auto)", numbers)]
-        if abs(away) < 3 * delay.deviation:
+        if abs(away) < 3 * delay.std:
             return []
         remedy = "compensate it (preprocessing: delay_s: auto)"
         return [Finding("warning" if harm > HARM else "note", "torque delay", "", evidence, remedy, numbers)]

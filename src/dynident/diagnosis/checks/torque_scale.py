@@ -72,7 +72,7 @@ def _open_scales(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
     decides = (
         "the masses of the robot model decide it" if fit.model.nominal() is not None else "nothing else decides it"
     )
-    evidence = "the scale of these torques cannot be determined from this log (95 % interval wider than +- 25 %)"
+    evidence = "the scale of these torques cannot be determined from these samples (95 % interval wider than +- 25 %)"
     remedy = f"compare gear ratios and gains with the data sheet; {decides}"
     return [Finding("note", "scale not determined", listed(unknown), evidence, remedy, {"joints": float(len(unknown))})]
 

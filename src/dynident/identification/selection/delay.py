@@ -21,6 +21,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.data.preprocessing import LONGEST_DELAY, Prepared, thinned
+from dynident.identification.problem.choices import DelayRecord
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.residuals.quantiles import chi_square_tail, normal_share, student_quantile
@@ -43,24 +44,9 @@ SIGNIFICANT = 2.0
 CHANCE = 0.05
 
 
-@dataclass(frozen=True)
-class Delay:
-    """Delay of one log.
-
-    Attributes:
-        seconds: By how much its torque lags behind its positions, in s; negative where it runs ahead.
-        deviation: Standard deviation of it, in s, by the correlated residuals and by what the joints differ.
-        applied: What the motion is shifted by, in s: ``seconds``, or 0 where that may well be none.
-    """
-
-    seconds: float
-    deviation: float
-    applied: float
-
-
 def find_delays(
     model: DynamicModel, base: BaseParameters, plain: Sequence[Prepared], within: Sequence[float] = ()
-) -> tuple[tuple[Delay, ...], tuple[Prepared, ...]]:
+) -> tuple[tuple[DelayRecord, ...], tuple[Prepared, ...]]:
     """Return the delay of each log, and the logs with their motion shifted by it.
 
     Friction that builds up over a distance lags, as a late torque does: beside it a delay lies between none and that
@@ -92,19 +78,19 @@ def find_delays(
     return careful, tuple(thinned(log.log, log.how, delay.applied) if delay.applied else log for log, delay in parts)
 
 
-def common_delay(delays: Sequence[Delay]) -> float:
+def common_delay(delays: Sequence[DelayRecord]) -> float:
     """Return the delay in s to be expected of another log of the same robot: the mean, the surest counting most."""
-    weights = np.array([1.0 / max(delay.deviation, 1e-9) ** 2 for delay in delays])
+    weights = np.array([1.0 / max(delay.std, 1e-9) ** 2 for delay in delays])
     return float(weights @ [delay.applied for delay in delays] / weights.sum())
 
 
-def _asked_by_all_rows(search: _DelaySearch) -> tuple[Delay, ...]:
+def _asked_by_all_rows(search: _DelaySearch) -> tuple[DelayRecord, ...]:
     """Return the delays that leave the least of all rows, the joints' friction taken for that of the model."""
     step = search.settled(pooled=True)
-    return _significant(search.seconds, step.deviation, SIGNIFICANT)
+    return _significant(search, step.deviation, SIGNIFICANT)
 
 
-def _away_from_reversals(search: _DelaySearch) -> tuple[Delay, ...]:
+def _away_from_reversals(search: _DelaySearch) -> tuple[DelayRecord, ...]:
     """Return the delays that the joints agree about, without the rows near reversals where these say something else."""
     step = search.settled()
     away = search.step(np.ones(len(search.rows), bool))
@@ -113,13 +99,14 @@ def _away_from_reversals(search: _DelaySearch) -> tuple[Delay, ...]:
     if biased.any():
         step = search.settled(biased)
     degrees = np.where(step.agree, np.inf, max(search.regressor.model.robot.dof - 1, 1))
-    return _significant(search.seconds, step.deviation, student_quantile(normal_share(SIGNIFICANT), degrees))
+    return _significant(search, step.deviation, student_quantile(normal_share(SIGNIFICANT), degrees))
 
 
-def _significant(seconds: Array, deviation: Array, bound: Array | float) -> tuple[Delay, ...]:
+def _significant(search: _DelaySearch, deviation: Array, bound: Array | float) -> tuple[DelayRecord, ...]:
     """Return delays, of which those within ``bound`` deviations of zero are not applied."""
-    applied = np.where(np.abs(seconds) > bound * deviation, seconds, 0.0)
-    return tuple(Delay(*map(float, each)) for each in zip(seconds, deviation, applied, strict=True))
+    applied = np.where(np.abs(search.seconds) > bound * deviation, search.seconds, 0.0)
+    table = np.stack([search.seconds, deviation, applied], axis=1).tolist()
+    return tuple(DelayRecord(log.log.name, *own) for log, own in zip(search.prepared, table, strict=True))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any, ClassVar
@@ -97,16 +96,18 @@ class Presliding(Friction):
             bent = list(accumulate(np.diff(q[starts]).tolist(), self._moved, initial=start))
             samples = np.diff(starts, append=len(q))
             way = q - np.repeat(q[starts], samples)
-            found[:, drive] = self._moved(np.repeat(bent, samples), way, (np.maximum, np.minimum, np.power))
+            side = np.where(way < 0, -1.0, 1.0)
+            moved = self._moved(side * np.repeat(bent, samples), side * way, (np.maximum, np.minimum, np.power), True)
+            found[:, drive] = side * moved
         return found
 
-    def _moved(self, z: Any, way: Any, of: tuple[Callable[..., Any], ...] = (max, min, pow)) -> Any:
-        """Return the deflection after a way without a reversal, by functions of the kind of number."""
+    def _moved(self, z: Any, way: Any, of: tuple[Any, ...] = (max, min, pow), is_forth: bool = False) -> Any:
+        """Return the deflection after a way without a reversal, or forth only, by functions of the kind of number."""
         (larger_of, smaller_of, power_of), length, shape = of, self.length, self.shape
         if shape == 1.0:
             return smaller_of(larger_of(z + way, -length), length)
         left = 1.0 - z / length  # to where it slips; then the same the other way, and one of the two ways is none
-        for moved in (larger_of(way, 0.0), -smaller_of(way, 0.0)):
+        for moved in (way,) if is_forth else (larger_of(way, 0.0), -smaller_of(way, 0.0)):
             rest = power_of(larger_of(left, 0.0), shape) - shape / length * moved
             left = 2.0 - power_of(larger_of(rest, 0.0), 1.0 / shape)
-        return length * (1.0 - left)
+        return length * (left - 1.0 if is_forth else 1.0 - left)

@@ -209,15 +209,18 @@ class PooledLogs:
 
     def pool(self, parts: Sequence[Friction]) -> ColumnPool:
         """Return the products with the columns of all candidate parts on all drives; several may be of a kind."""
-        whole, rigid, later = _labelled(self._robot, parts), self._rigid, self._delay_is_free
-        shared, last = rigid.count + later, rigid.count + later + len(whole.terms[0])
+        rigid, later, drives = self._rigid, self._delay_is_free, range(self._robot.dof)
+        shared, acts = rigid.count + later, [self._shared.bodies.model.drives_of(part) for part in parts]
+        has = [part.coefficients if j in on else () for j in drives for part, on in zip(parts, acts, strict=True)]
+        ends = shared + np.cumsum([0, *map(len, has)], dtype=np.int64)
+        last, cuts = int(ends[-1]), [np.arange(*pair) for pair in itertools.pairwise(ends)]
+        columns = tuple(tuple(cuts[p :: len(parts)]) for p in range(len(parts)))
         size = last + 1 + 2 * (len(self._shares) - 1)
         behind = np.arange(last, size)
         views = [np.arange(last + 1)]
         for slope in behind[1::2]:
             views.append(views[0].copy())
             views[-1][[rigid.count, last]] = slope, slope + 1
-        columns = tuple(tuple(shared + own for own in each) for each in _by_drive(whole))
         places = [
             (
                 np.concatenate([own, [rigid.count] * later, behind]).astype(np.int64),
@@ -240,7 +243,7 @@ class PooledLogs:
             tuple(every),
             products,
             np.concatenate([log.rows for log in self._logs]),
-            np.array(signs + [own.nonnegative for own in whole.parameters[whole.inertial_count :]]),
+            np.array([*signs, *(c.nonnegative for each in has for c in each)], dtype=bool),
             fast,
             np.sum([np.sum((log.block >= 0)[:, None] & log.mask & log.fast, axis=0) for log in self._logs], axis=0),
             tuple(views),

@@ -16,6 +16,9 @@ from dynident.identification.residuals.quantiles import student_quantile
 from dynident.identification.selection.friction.column_pool import ColumnPool
 from dynident.identification.selection.friction.nested_fits import NestedFits, beyond, without
 
+#: Blocks of rows at least, and of logs too short for these.
+BLOCKS, OF_SHORT_LOGS = 16, 8
+
 #: Fewer blocks tell nothing about chance.
 FEWEST = 3
 
@@ -43,7 +46,6 @@ class WeighedRows:
     def __init__(self, pool: ColumnPool, weights: Array) -> None:
         self.pool, self.weights, self.rows = pool, weights, pool.rows.sum(axis=1)
         self.held = pool.by_delay(pool.weighted(weights))
-        self.fast = pool.by_delay(pool.weighted(weights, fast=True)[0])
         self.wholes = [held.sum(axis=0) for held in self.held]
         self._blocks: dict[int, NestedFits] = {}
 
@@ -51,6 +53,12 @@ class WeighedRows:
     def all(self) -> list[NestedFits]:
         """The fits of all rows, for each delay."""
         return [NestedFits(whole[None], whole[None], self.pool.shared) for whole in self.wholes]
+
+    @cached_property
+    def fast(self) -> list[tuple[Array, Array]]:
+        """Products of all rows but the fastest, and of these, for each delay."""
+        fast = self.pool.by_delay(self.pool.weighted(self.weights, fast=True)[0])
+        return [(without(whole, each), each) for whole, each in zip(self.wholes, fast, strict=True)]
 
     def blocks(self, view: int) -> NestedFits:
         """Return the fits that leave out one block each, judged on it, with one of the delays."""
@@ -118,9 +126,9 @@ class HeldOut:
         rows, count = np.maximum(weighed.rows, 1), max(int(weighed.pool.fast_rows.sum()), 1)
         found = [weighed.blocks(view).losses(keep) / rows for _, view, keep in self.best]
         if fastest:
-            sides = [(weighed.wholes[view], weighed.fast[view], keep) for _, view, keep in self.best]
-            last = [beyond(*each, weighed.pool.shared) / count for each in sides]
-            found = [np.append(each, own) for each, own in zip(found, last, strict=True)]
+            for k, (_, view, keep) in enumerate(self.best):
+                beta = weighed.all[view].residual(keep)[0, :-1]
+                found[k] = np.append(found[k], beyond(beta, *weighed.fast[view], keep, weighed.pool.shared) / count)
         return [np.log(np.maximum(each, TINY)) for each in found]
 
     def by_joint(self) -> list[Array]:

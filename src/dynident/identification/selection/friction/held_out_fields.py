@@ -29,8 +29,10 @@ from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.selection.friction.column_pool import ROWS, PooledLogs, SharedRows
 from dynident.identification.selection.friction.finer_values import finer_values
 from dynident.identification.selection.friction.held_out_errors import (
+    BLOCKS,
     NOTHING,
     OF_A_PART,
+    OF_SHORT_LOGS,
     HeldOut,
     is_better,
     share_of,
@@ -45,10 +47,7 @@ from dynident.identification.selection.friction.parts_by_drive import (
 )
 from dynident.identification.selection.friction.variable_projection import all_spans, without_optional
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE, called
-
-#: Blocks of rows at least, and of logs too short for these.
-BLOCKS, OF_SHORT_LOGS = 16, 8
+from dynident.model.friction import WHOLE, Friction, called
 
 #: Values over its range of a width or of a part's first field, and of a further field beside each of these.
 COARSE, BESIDE = 13, 2
@@ -56,20 +55,23 @@ COARSE, BESIDE = 13, 2
 #: Steps to finer values at most: of those that are taken for another one, and of all of them together at the end.
 FINER, POLISHED = 3, 10
 
-#: Shares of a delay of many samples that are compared, at most, beside the whole.
-MOST = 12
+#: Shares of a delay that are compared in a period of the cut-off, a straight line between two of them, and at most.
+STRAIGHT, MOST = 20, 12
 
 
-def choose_fields(
+def search_friction(
     model: DynamicModel,
     logs: Sequence[Prepared],
     progress: Callable[[str], None] = lambda step: None,
     delay_is_free: bool = False,
     finest: Array | None = None,
     shared: SharedRows | None = None,
-    remembers: bool = False,
-) -> tuple[DynamicModel, tuple[FieldChoice, ...]]:
-    """Return the model with the stated or the best values of the fields that its parts leave to the logs, and why.
+    after: FrictionSearch | None = None,
+) -> FrictionSearch:
+    """Return the stated or the best values of the fields that the parts of a model leave to the logs, and why.
+
+    Optional parts that remember are left aside at first. What was found without them is the start where they are tried
+    (``after``); what was found with one of them is the start where the other parts are chosen anew beside it.
 
     Args:
         model: With parts whose ``choose`` names non-linear fields, or ``part``.
@@ -78,7 +80,7 @@ def choose_fields(
         delay_is_free: Whether a delay of the torque is free in what is compared.
         finest: Resolution of the positions of each drive, shape (n,), in rad or m; None where it is not known.
         shared: Rows that choices share whose logs differ in their delays alone; None for rows of their own.
-        remembers: Whether parts that remember are there, whatever ``choose`` says.
+        after: What was found for the same model before.
 
     Raises:
         BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
@@ -89,31 +91,18 @@ def choose_fields(
     logs = shared.under(logs)
     load = shared.load(without_optional(model), logs) if "torque" in model.needs else None
     spans = all_spans(model, logs, "choose", finest)
-    shares = _shares_of_delay(model, logs)
+    turns = [abs(log.delay_s) * (log.how.filter.bandwidth() or log.log.rate / STRAIGHT) for log in logs]
+    shares = np.linspace(1.0, 0.0, min(int(np.ceil(STRAIGHT * max(turns) * model.lags)), MOST) + 1)
     for blocks in (BLOCKS, OF_SHORT_LOGS):
-        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares, shared)
-        search = _FieldSearch(model, pooled, spans, progress, remembers)
-        if search.tells:
+        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares.tolist(), shared)
+        search = FrictionSearch(model, pooled, spans, progress)
+        if search.tried((), ()).tells:  # rows enough to hold some out
             break
-    found, decided = search.parts()
-    if not remembers and search.forget():
-        found, again = search.parts()
-        decided |= again
-    if remembers or any(held.value for held in decided.values()):
-        found = search.polished(found)
-    found |= {(p, WHOLE): held for p, held in decided.items()}
-    there = sorted((p for p in range(len(search.heads)) if p not in search.absent), key=lambda p: search.heads[p])
-    told = sorted([(key[0], held) for key, held in found.items()] + search.apart, key=lambda each: each[0])
-    return replace(model, friction=tuple(search.model.friction[p] for p in there)), tuple(held for _, held in told)
+    search.run(after)
+    return search
 
 
-def _shares_of_delay(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[float, ...]:
-    """Return which shares of the delays that were found are compared: friction that remembers lags as they do."""
-    longest = max(abs(log.delay_s) * log.log.rate for log in logs) if model.lags else 0.0
-    return tuple(np.linspace(1.0, 0.0, min(int(np.ceil(longest)), MOST) + 1)) if longest else (1.0,)
-
-
-class _FieldSearch:
+class FrictionSearch:
     """The model as far as it is chosen.
 
     Attributes:
@@ -121,6 +110,8 @@ class _FieldSearch:
         absent: Places of the parts that are not there so far.
         heads: Of each part, the place of the stated one that it is of; those of drives set apart are last.
         apart: What the logs say about the width of such drives, with the place of the part.
+        found: What they say about fields, by the place of the part and name.
+        decided: What they say about parts that may be missing, by their place.
     """
 
     def __init__(
@@ -129,65 +120,94 @@ class _FieldSearch:
         pooled: PooledLogs,
         spans: Mapping[tuple[int, str], tuple[float, float]],
         progress: Callable[[str], None],
-        remembers: bool = False,
     ) -> None:
         self.model, self.stated = model, model
-        parts = enumerate(model.friction)
-        self.absent = tuple(p for p, part in parts if part.is_optional and not (remembers and part.lags))
+        self.absent = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
         self.heads, self.apart = tuple(range(len(model.friction))), list[tuple[int, FieldChoice]]()
+        self.found, self.decided = dict[tuple[int, str], FieldChoice](), dict[int, FieldChoice]()
+        self._lagging = tuple(p for p in self.absent if model.friction[p].lags)
         self._pooled, self._spans, self._progress = pooled, spans, progress
+        self._polished: dict[int, Friction] = {}
 
     @property
-    def tells(self) -> bool:
-        """Whether the blocks have rows enough to hold some out."""
-        return self._tried((), ()).tells
+    def chosen(self) -> DynamicModel:
+        """The model with what was chosen."""
+        there = sorted((p for p in range(len(self.heads)) if p not in self.absent), key=lambda p: self.heads[p])
+        return replace(self.stated, friction=tuple(self.model.friction[p] for p in there))
 
-    def fields(self) -> dict[tuple[int, str], FieldChoice]:
+    @property
+    def told(self) -> tuple[FieldChoice, ...]:
+        """What the logs say, in the order of the parts."""
+        fields = [(p, held) for (p, _), held in self.found.items()]
+        each = [*fields, *self.decided.items(), *self.apart]
+        return tuple(held for _, held in sorted(each, key=lambda one: one[0]))
+
+    @property
+    def remembers(self) -> bool:
+        """Whether an optional part that remembers is there."""
+        return any(p not in self.absent for p in self._lagging)
+
+    def run(self, after: FrictionSearch | None) -> None:
+        """Choose, from nothing or from what was found before."""
+        if after is not None and not after.remembers:
+            fresh = self.model, self.heads, self.apart, self.found
+            self.model, self.absent, self.heads, self.apart = after.model, after.absent, after.heads, after.apart
+            self.found, self.decided = after.found, after.decided | {p: self.with_part(p) for p in self._lagging}
+            if not self.remembers:
+                return
+            after, (self.model, self.heads, self.apart, self.found) = self, fresh
+        if after is not None:
+            optional = [p for p, part in enumerate(self.stated.friction) if part.is_optional]
+            self.absent = tuple(p for p in optional if p not in self._lagging or p in after.absent)
+            self._polished = after._polished
+        self.parts()
+        linear = [p for p, held in self.decided.items() if held.value and not self._own_fields(p)]
+        others = [p for p, held in self.decided.items() if held.value and self._own_fields(p)]
+        if self.remembers or linear or others:
+            self.polish()
+        if linear and (self.remembers or others):
+            self.absent += tuple(self._of(linear))  # they may have stood in the place of the others
+            self.decided |= self.with_linear_parts()
+            if not all(self.decided[p].value for p in linear):
+                self.polish()
+
+    def fields(self) -> None:
         """Choose the fields of all parts that are there, one after another."""
-        found: dict[tuple[int, str], FieldChoice] = {}
         for p, name in self._spans:
             names = [name] if name == "width" else self._own_fields(p)
             group = self._group(p, name)
             if p not in self.absent and p == group[0] and name == names[0]:
-                found |= {(p, each.field): each for each in self._chosen(group, names)}
-        return found
+                self.found |= {(p, each.field): each for each in self._chosen(group, names)}
 
-    def parts(self) -> tuple[dict[tuple[int, str], FieldChoice], dict[int, FieldChoice]]:
-        """Choose the fields of what is there, and which of the absent parts are put there; return both."""
-        found, decided = self.fields(), self.with_linear_parts()
-        if any(held.value for held in decided.values()):
-            found |= self.fields()
+    def parts(self) -> None:
+        """Choose the fields of what is there, and which of the absent parts are put there."""
+        self.fields()
+        self.decided = self.with_linear_parts()
+        if any(held.value for held in self.decided.values()):
+            self.fields()
         for p in range(len(self.stated.friction)):
-            if p in self.absent and p not in decided:
-                decided[p] = self.with_part(p)
-                if decided[p].value:
-                    found |= self.fields()
-        return found, decided
+            if p in self.absent and p not in (*self.decided, *self._lagging):
+                self.decided[p] = self.with_part(p)
+                if self.decided[p].value:
+                    self.fields()
 
-    def forget(self) -> bool:
-        """Leave out again all that was chosen before a part that remembers; return whether there is one."""
-        optional = [p for p, head in enumerate(self.heads) if self.stated.friction[head].is_optional]
-        others = tuple(p for p in optional if not self.stated.friction[self.heads[p]].lags)
-        if not set(optional) - set(others) - set(self.absent):
-            return False
-        self.absent = others
-        return True
-
-    def polished(self, found: dict[tuple[int, str], FieldChoice]) -> dict[tuple[int, str], FieldChoice]:
-        """Return what was found with values made finer together: what is best of one hangs on the others.
+    def polish(self) -> None:
+        """Make values finer together: what is best of one hangs on the others.
 
         They are those that were taken, and those of parts that might be missing, of which the stated one is a start.
         """
-        starts = [(p, name) for p, name in found if name != "width" and self.stated.friction[p].is_optional]
-        moved = [key for key, held in found.items() if held.value != held.stated or key in starts]
-        if moved:
+        optional = [(p, name) for p, name in self.found if name != "width" and self.stated.friction[p].is_optional]
+        if {p for p, _ in optional} == set(self._polished):  # the same parts as before: from what was found then
+            for p, name in optional:
+                self.model = with_values(self.model, [p], {name: getattr(self._polished[p], name)})
+        if moved := [key for key, held in self.found.items() if held.value != held.stated or key in optional]:
             finer = self._finer([(self._group(*key), key[1]) for key in moved], POLISHED)
-            found |= {key: replace(found[key], best=x, value=x) for key, x in zip(moved, finer, strict=True)}
-        return found
+            self.found |= {key: replace(self.found[key], best=x, value=x) for key, x in zip(moved, finer, strict=True)}
+        self._polished = {p: self.model.friction[p] for p, _ in optional}
 
     def with_linear_parts(self) -> dict[int, FieldChoice]:
         """Put the absent parts there that have no field of their own beside a width and that held-out rows ask for."""
-        linear = [p for p in self.absent if self.heads[p] == p and not self._own_fields(p)]
+        linear = [p for p in self.absent if self.heads[p] == p and not self._own_fields(p) and p not in self._lagging]
         for p in linear:
             self._share_width(p)
         present = [p for p in range(len(self.model.friction)) if p not in self.absent]
@@ -250,7 +270,7 @@ class _FieldSearch:
         self._progress(f"friction: {called(self.model.friction[p])} on held-out samples")
         self._share_width(p)
         points = self._points(p, self._own_fields(p)[:1])  # further ones are as stated until it is there
-        tried = self._tried(self._of([p]), points)
+        tried = self.tried(self._of([p]), points)
         if not tried.tells:
             return self._told(p, False, None)
         first, *others = tried.errors()
@@ -270,7 +290,7 @@ class _FieldSearch:
         kept, groups = self.model, sorted({(self._group(*key), key[1]) for key in self._spans})
         if there := [each for each in groups if not set(each[0]) <= set(self.absent)]:
             self._finer(there)
-        errors, self.model = self._tried((), (), tried.weighed.weights).errors()[0], kept
+        errors, self.model = self.tried((), (), tried.weighed.weights).errors()[0], kept
         return errors
 
     def _group(self, p: int, name: str) -> tuple[int, ...]:
@@ -297,7 +317,7 @@ class _FieldSearch:
         self._progress(f"friction: {labels} {' and '.join(names)} on held-out samples")
         about = (labels, self.stated.friction[there[0]].joints)
         self.model = with_values(self.model, there, stated)
-        tried = self._tried(there, points := self._points(group[0], names))
+        tried = self.tried(there, points := self._points(group[0], names))
         if not tried.tells:
             return [FieldChoice(*about, name, x, x, x, 0.0, None) for name, x in stated.items()]
         first, *others = tried.errors(fastest=False)
@@ -307,7 +327,7 @@ class _FieldSearch:
             self.model = with_values(self.model, there, best)
             best = dict(zip(names, self._finer([(group, name) for name in names]), strict=True))
             if not is_taken:  # a stated width may lie nearer to the best one than those of the grid
-                finer = np.subtract(*self._tried(there, [stated, best]).errors(fastest=False)[1:])
+                finer = np.subtract(*self.tried(there, [stated, best]).errors(fastest=False)[1:])
                 if is_taken := is_better(finer):
                     gaps = finer
                 else:
@@ -357,7 +377,7 @@ class _FieldSearch:
             told = zip(own.values(), finer, strict=True)
             self.apart += [(group[0], replace(held, best=best, value=best)) for held, best in told]
 
-    def _tried(
+    def tried(
         self, group: Sequence[int], points: Sequence[Mapping[str, float]], weights: Array | None = None
     ) -> HeldOut:
         """Return the model with values of fields of some parts; of one that is absent, it with each beside itself."""

@@ -79,17 +79,15 @@ def fit(products: Array, keep: IntArray) -> Array:
     return NestedFits(own, own, 0).coefficients(np.arange(len(keep)))[0]
 
 
-def beyond(whole: Array, fast: Array, keep: IntArray, shared: int) -> float:
+def beyond(beta: Array, slow: Array, fast: Array, keep: IntArray, shared: int) -> float:
     """Return the sum of squared residuals of the fastest rows, by friction that is fitted to all the others.
 
-    The ``shared`` first columns of ``keep`` stay at their fit of all rows: what is asked is how friction goes on beyond
-    the speeds it is fitted to. ``whole`` and ``fast`` are products of all and of the fastest rows, (c + 1, c + 1).
+    The ``shared`` first columns of ``keep`` stay at their fit of all rows, ``beta`` (k,): what is asked is how friction
+    goes on beyond the speeds it is fitted to. ``slow`` and ``fast`` are products of all other and of the fastest rows,
+    (c + 1, c + 1).
     """
-    beta, slow = fit(whole, keep), without(whole, fast)
-    friction = keep[shared:]
-    if len(friction):
-        left = slow.copy()
-        left[:, -1] -= slow[:, keep[:shared]] @ beta[:shared]
-        beta[shared:] = fit(left, friction)
-    mixed, every = np.append(beta, -1.0), np.append(keep, -1)
-    return float(mixed @ fast[np.ix_(every, every)] @ mixed)
+    own, every = np.append(keep[shared:], -1), np.append(keep, -1)
+    left = slow[own[:, None], own]
+    left[:, -1] -= slow[own[:, None], keep[:shared]] @ beta[:shared]
+    mixed = np.concatenate([beta[:shared], fit(left, np.arange(len(own) - 1)), [-1.0]])
+    return float(mixed @ fast[every[:, None], every] @ mixed)
