@@ -74,6 +74,11 @@ def meaning(name: str) -> Meaning:
         ("phi_mot1", "q", "", "motor", ""),
         ("Couple axe 3 (Nm)", "torque", "", "", "N m"),
         ("关节力矩1", "torque", "", "", ""),
+        ("Axis1_deg", "q", "", "", "deg"),
+        ("axis_2_nm", "torque", "", "", "N m"),
+        ("Current1_%", "current", "", "", "percent"),
+        ("Drive 2 %", "", "", "", "percent"),
+        ("Winkel 3°", "q", "", "", "deg"),
     ],
 )
 def test_names_say(name: str, signal: str, kind: str, side: str, unit: str) -> None:

@@ -73,6 +73,32 @@ def test_a_table_of_bare_numbers_is_read_rightly(layout, arm: Robot, motion: dic
     assert "the equations of motion of the robot model explain" in draft.text
 
 
+@pytest.mark.parametrize(
+    ("name", "signal", "asked", "words"),
+    [
+        ("Current{}_%", "current", "drive gain", "the header states percent, gains are per percent of these columns"),
+        ("MotStrom{}_mA", "current", "drive gain", "the header states mA, gains are per A"),
+        ("Drive{}_%", "torque", "the unit of Drive1_%", "the header states percent; rated torques are then needed"),
+        ("Trq{}_Nm", "torque", "", "by the numbers in their names"),
+        ("tau_est{}", "", "no torques", "not read: tau_est1"),
+        ("Drive{}", "torque", "the unit of Drive1", "their names do not say torque"),
+    ],
+)
+def test_what_the_names_of_efforts_say_stands_beside_positions_without_names(
+    name: str, signal: str, asked: str, words: str, arm: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    """Torques of 1.3 times the robot model's, as drives in percent or ampere may have by chance."""
+    of_joints = [pattern.format(k + 1) for pattern in ("Ach{}_deg", name) for k in range(arm.dof)]
+    path = tmp_path / "run.csv"
+    values = blocks(motion["time"], np.degrees(motion["q"]), (1.3 if asked else 1.0) * motion["torque"])
+    np.savetxt(path, values, delimiter=",", header=",".join(["time", *of_joints]), comments="")
+    draft = draft_case(write_robot(tmp_path / "arm.json", arm), str(path), tmp_path)
+    assert words in draft.text and "position: deg   # the header states deg" in draft.text
+    said = " ".join([*(one.text for one in draft.needed), *draft.remarks])
+    assert asked in said if asked else draft.needed == ()
+    assert draft.recognition.effort == signal
+
+
 def test_without_a_time_the_rate_follows_from_the_velocities(
     arm: Robot, motion: dict[str, Array], tmp_path: Path
 ) -> None:

@@ -68,7 +68,7 @@ UNIT_WORDS: Mapping[str, str] = {
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m": "m", "mm": "mm",
     "rad/s": "rad/s", "rads": "rad/s", "deg/s": "deg/s", "degs": "deg/s", "m/s": "m/s", "mm/s": "mm/s", "nm": "N m",
     "mnm": "mN m", "n": "N", "a": "A", "amp": "A", "amps": "A", "ma": "mA", "%": "percent", "percent": "percent",
-    "permille": "permille", "°": "deg", "°/s": "deg/s",
+    "permille": "permille", "‰": "permille", "°": "deg", "°/s": "deg/s",
 }  # fmt: skip
 
 _QUANTITY_UNITS: Mapping[str, frozenset[str]] = {
@@ -76,7 +76,7 @@ _QUANTITY_UNITS: Mapping[str, frozenset[str]] = {
     "q": frozenset(("rad", "deg", "m", "mm")),
     "dq": frozenset(("rad/s", "deg/s", "m/s", "mm/s")),
     "torque": frozenset(("N m", "mN m", "N", "percent", "permille")),
-    "current": frozenset(("A", "mA")),
+    "current": frozenset(("A", "mA", "percent", "permille")),
 }
 
 #: Signals that a unit tells where no word does.
@@ -89,6 +89,9 @@ _UNIT_TELLS: Mapping[str, str] = {
 _PLAIN_UNITS = frozenset("rad deg rads degs mm nm mnm percent permille".split())
 
 _BRACKETED = re.compile(r"[\[({]\s*([^\[\](){}]*?)\s*[\])}]\s*$")
+
+#: Signs for units, which need no brackets.
+_SIGN = re.compile(r"[\s_.-]*([%‰°])\s*$")
 
 
 @dataclass(frozen=True)
@@ -143,13 +146,28 @@ def words_of(name: str, container: str = "") -> list[str]:
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """Return the name without a unit in brackets at its end, and the unit as a word of the case file, or empty."""
-    found = _BRACKETED.search(name)
+    """Return the name without a unit in brackets, or a sign for one, at its end, and the unit's word or empty."""
+    found = _BRACKETED.search(name) or _SIGN.search(name)
     if found is None:
         return name, ""
     plain = re.sub(r"[\s·*.]", "", found[1].lower())
     unit = UNIT_WORDS.get(plain, "")
     return (name[: found.start()], unit) if unit else (name, "")
+
+
+def unit_of(names: Sequence[str]) -> str:
+    """Return the unit that all names end in, with a number or without; empty where they do not."""
+    units = set()
+    for name in names:
+        base, unit = split_unit(name)
+        words = [word for word in tokens_of(base) if not word.isdigit()]
+        units.add(unit or (UNIT_WORDS[words[-1]] if len(words) > 1 and words[-1] in _PLAIN_UNITS else ""))
+    return units.pop() if len(units) == 1 else ""
+
+
+def is_unit_of(unit: str, signal: str) -> bool:
+    """Return whether a signal may have a unit."""
+    return unit in _QUANTITY_UNITS.get(signal, ())
 
 
 def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Meaning:
@@ -166,9 +184,10 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
     signal = _one(signals)
     if not unit and len(words) > 1 and words[-1] in UNIT_WORDS and (at_end or words[-1] in _PLAIN_UNITS):
         unit = UNIT_WORDS[words[-1]]
-        words = words[:-1] if unit in _QUANTITY_UNITS.get(signal, ()) else words
+        is_told = is_unit_of(unit, signal) or (not signal and words[-1] in _PLAIN_UNITS)
+        words = words[:-1] if is_told else words
     if signal in ("", "time") and set(words) <= NEUTRAL | KIND.keys() | _SIDES.keys() | {"t"}:
-        signal = _UNIT_TELLS.get(unit, signal)  # J1 (deg), T1 (Nm)
+        signal = _UNIT_TELLS.get(unit, signal)  # J1 (deg), T1 (Nm), axis_1_deg
     if signal in _QUANTITY_UNITS and unit not in _QUANTITY_UNITS[signal]:
         unit = ""
     for k, word in enumerate(words):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.case.draft.column_groups import Group, groups_of, time_columns, unit_of_time
+from dynident.case.draft.column_groups import groups_of, time_columns, unit_of_time
 from dynident.case.draft.command_pairs import by_commands
 from dynident.case.draft.joint_choice import JointChoice, choose_joints
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
@@ -32,21 +32,23 @@ from dynident.case.draft.stated_units import (
     units_in_names,
     units_of_profile,
 )
-from dynident.case.draft.structure import ROWS, structure_of
+from dynident.case.draft.unnamed_columns import by_structure
 from dynident.case.draft.yaml_words import listed, quoted
 from dynident.case.evidence.positions import STILL, strays, travel
 from dynident.case.evidence.torques import torque_evidence
 from dynident.case.evidence.velocities import is_near, velocity_pair
 from dynident.data.formats import LogTable
-from dynident.data.formats._clocked_table import SUM, TimedTable, with_clock
+from dynident.data.formats._clocked_table import SUM, TimedTable
 from dynident.data.formats.base import UNITS
 from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn, turns_counted
-from dynident.errors import LogFormatError
 from dynident.model.robot import Robot
 
 #: Commands of servos span at most this many times what the positions span, and at least the inverse.
 _SPAN = 5.0
+
+#: Factor between columns that are called nothing and the torques of the robot model's masses up to which they are N m.
+NEAR = 1.15
 
 
 def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> Recognised:
@@ -69,7 +71,7 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
     if not fits and not {"q_ref", "torque", "current"} & (found.sources.keys() | found.rivals.keys()):
         found = by_commands(found)
     if not fits and "q" not in found.sources and "q" not in found.rivals:
-        found, tables = _by_structure(found, tables)
+        found, tables = by_structure(found, tables)
     if not found.time or "q" not in found.sources:
         return found
     columns = {signal: source.columns for signal, source in found.sources.items()}
@@ -108,7 +110,9 @@ def _by_profile(found: Recognised, fits: Sequence[ProfileFit]) -> Recognised:
 def _by_names(found: Recognised) -> Recognised:
     choice = choose_signals(groups_of(found.header, found.robot.joint_names), found.robot.dof)
     times = [found.time] if found.is_clocked else time_columns(found.header)
-    sources = {signal: _source(group) for signal, group in choice.groups.items() if signal not in choice.rivals}
+    sources = {
+        signal: SignalSource.of_group(group) for signal, group in choice.groups.items() if signal not in choice.rivals
+    }
     left_out = {}
     if "torque" in sources and "current" in sources:
         left_out["current"] = f"{sources.pop('current').shown()} are there as well; the torques are read"
@@ -131,42 +135,6 @@ def _by_names(found: Recognised) -> Recognised:
         refused=choice.refused,
         left_out=left_out,
     )
-
-
-def _by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recognised, Sequence[LogTable]]:
-    """Return what the values of columns without telling names say, and the tables, with the rate that they have."""
-    if len(found.header) <= found.robot.dof:
-        return found, tables
-    header = (found.time, *found.header) if found.is_clocked else found.header
-    try:
-        values = next(tables[0].batches(header, ROWS), np.empty((0, len(header))))
-    except LogFormatError:  # some column holds words
-        return found, tables
-    told = structure_of(found.robot, header, values, found.time)
-    if "q" not in told.groups:
-        return replace(found, time=found.time or told.time), tables
-    sources = {
-        signal: SignalSource(group.names, "", "link", told.evidence[signal])
-        for signal, group in told.groups.items()
-        if signal not in told.rivals or signal == "q"
-    }
-    left_out = {**found.left_out, **told.left_out}
-    time, is_clocked = found.time or told.time, found.is_clocked
-    if not time and told.rate_hz:
-        time, is_clocked = f"{np.format_float_positional(told.rate_hz, trim='-')} Hz", True
-        tables = [with_clock(table, time, told.rate_hz) for table in tables]
-    rivals = {signal: groups for signal, groups in told.rivals.items() if signal != "q"}
-    joints = choose_joints(found.robot, told.groups["q"], np.zeros((1, told.groups["q"].count)))
-    likely = listed(told.likely_effort) if told.likely_effort else ""
-    found = replace(
-        found, likely_effort=likely, time=time, is_clocked=is_clocked, sources=sources, rivals=rivals, joints=joints
-    )
-    return replace(found, left_out=left_out, structure=told), tables
-
-
-def _source(group: Group) -> SignalSource:
-    how = "by the names of the joints" if group.named else "by the numbers in their names"
-    return SignalSource(group.names, group.pattern, group.meaning.side or "link", how, group.meaning.strange)
 
 
 def _by_values(found: Recognised) -> Recognised:
@@ -287,8 +255,9 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
         sample = (moving, Log(moving.joint_names, time, q, torque=logged))
     if effort == "current" and "current" not in units:
         unit = stated["current"]
-        why = f"{HEADER} {unit}, gains are per A" if unit else "gains are per unit of these columns"
-        units["current"] = SignalUnit((unit or "A",), True, why, from_header=bool(unit))
+        known, per = unit in UNITS["current"], f"gains are per {unit or 'unit'} of these columns"
+        why = f"{HEADER} {unit}, {'gains are per A' if known else per}" if unit else per
+        units["current"] = SignalUnit((unit if known else "A",), True, why, from_header=known)
     if effort == "torque" and ("torque" not in units or found.drivers_differ):
         joints = () if moving is None or not fits_joints else moving.active
         count = len(joints)
@@ -299,6 +268,9 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
             told = torque_unit(joints, stated["torque"], ratios, telling, largest)
             if found.drivers_differ:  # what the profile says stands, unless the robot model's masses are against it
                 told = SignalUnit(units["torque"].words, told.certain or not any(telling), told.why)
+            seen = np.abs(ratios[np.asarray(telling, bool)])
+            if found.torque_is_unnamed and not stated["torque"] and not 1 / NEAR < np.median([*seen] or [0.0]) < NEAR:
+                told = replace(told, certain=False, why=f"{told.why}; their names do not say torque")
             units["torque"] = told
         elif "torque" not in units:
             certain = stated["torque"] in ("N m", "N")

@@ -37,6 +37,12 @@ class SignalSource:
     how: str
     unknown: tuple[str, ...] = ()
 
+    @classmethod
+    def of_group(cls, group: Group) -> SignalSource:
+        """Return that of columns which names tell."""
+        how = "by the names of the joints" if group.named else "by the numbers in their names"
+        return cls(group.names, group.pattern, group.meaning.side or "link", how, group.meaning.strange)
+
     def shown(self) -> str:
         """Return the columns in words."""
         return self.columns[0] if len(self.columns) == 1 else f"{self.columns[0]} to {self.columns[-1]}"
@@ -101,6 +107,12 @@ class Recognised:
     def effort(self) -> str:
         """``torque`` or ``current``, whichever is read; empty where neither is."""
         return next((signal for signal in ("torque", "current") if signal in self.sources), "")
+
+    @property
+    def torque_is_unnamed(self) -> bool:
+        """Whether values alone say which columns are torques, not their names."""
+        told = self.structure.groups.get("torque") if self.structure is not None else None
+        return told is not None and "torque" in self.sources and self.sources["torque"].columns == told.names
 
     @property
     def drivers_differ(self) -> bool:

@@ -22,10 +22,9 @@ def units_of_profile(found: Recognised) -> dict[str, SignalUnit]:
 
 
 def column_groups(found: Recognised) -> list[Group]:
-    """Return the sets of columns that the names, or else the values, tell."""
-    if found.structure is not None:
-        return list(found.structure.groups.values())
-    return groups_of(found.header, found.robot.joint_names)
+    """Return the sets of columns that the names tell, then those that the values tell."""
+    by_values = [] if found.structure is None else found.structure.groups.values()
+    return [*groups_of(found.header, found.robot.joint_names), *by_values]
 
 
 def stated_unit(found: Recognised, signal: str) -> str:

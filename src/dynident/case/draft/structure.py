@@ -15,7 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.draft.column_groups import Group
-from dynident.case.draft.column_words import Meaning
+from dynident.case.draft.column_words import Meaning, is_unit_of, unit_of
 from dynident.case.draft.derivative_columns import ALIKE, MOVE, derivatives, joint_count, less_line, runs_of
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.readings import band, cutoff_from
@@ -217,7 +217,9 @@ class _Names:
     header: Sequence[str]
 
     def group(self, signal: str, run: Sequence[int]) -> Group:
-        return Group(Meaning(signal), {k: self.header[column] for k, column in enumerate(run)}, False)
+        names = [self.header[column] for column in run]
+        unit = unit_of(names)
+        return Group(Meaning(signal, unit=unit * is_unit_of(unit, signal)), dict(enumerate(names)), False)
 
     def shown(self, run: Sequence[int]) -> str:
         return self.group("", run).shown()
