@@ -129,7 +129,7 @@ class CleanLog:
         if finding.name == "torque unit" and fit is not None:
             theta = fit.model.nominal()
             return nothing if theta is None else against_nominal(fit, theta, None)[0]
-        if finding.name == "torque scale" and finding.joint:
+        if finding.name == "torque scale" and finding.joint and not finding.evidence.startswith("against"):
             own = [one for one in self.subject.scales if one.joint == finding.joint.split(", ")[0] and not one.is_open]
             return 1.0 / own[0].factor if own else nothing
         same = [one for one in self.findings if (one.name, one.joint) == (finding.name, finding.joint)]

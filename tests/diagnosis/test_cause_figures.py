@@ -13,6 +13,7 @@ from benchmarks.faults.trials import Trial, subject_of, virtual
 
 from dynident.case.case import read_case
 from dynident.diagnosis.checks.residual_trends import ResidualTrends
+from dynident.diagnosis.checks.torque_delay import TorqueDelay
 
 
 def figure(trial: Trial, name: str, folder: Path) -> tuple[np.ndarray, float]:
@@ -41,9 +42,21 @@ def test_figures_hold_far_from_where_their_columns_are_straight_lines(
     assert np.linalg.norm(value - np.atleast_1d(wanted)) < near and half < 15 * near
 
 
+def bent(trial: Trial) -> Trial:
+    q, tau = trial.columns["q"], trial.columns["tau"]
+    return trial.with_columns(tau=tau + 0.03 * tau.std(axis=0) * np.sin(3 * q))
+
+
 def test_a_bend_that_no_model_has_widens_the_interval_of_a_lean(tmp_path: Path) -> None:
     right = virtual(read_case("generic-6r"))
-    q, tau = right.columns["q"], right.columns["tau"]
-    bent = right.with_columns(tau=tau + 0.03 * tau.std(axis=0) * np.sin(3 * q))
-    (_, narrow), (_, wide) = (figure(tilted(trial), "tilt", tmp_path) for trial in (right, bent))
+    (_, narrow), (_, wide) = (figure(tilted(trial), "tilt", tmp_path) for trial in (right, bent(right)))
     assert wide > 2 * narrow
+
+
+def test_a_bend_that_no_model_has_widens_the_interval_of_a_delay(tmp_path: Path) -> None:
+    late = put.delayed(virtual(read_case("generic-6r")), 3.0)
+    narrow, wide = (subject_of(trial, tmp_path) for trial in (late, bent(late)))
+    assert narrow.trends is not None and wide.trends is not None
+    assert wide.trends.delay_std > 2 * narrow.trends.delay_std
+    (found,) = TorqueDelay().findings(wide)
+    assert abs(found.numbers["delay_s"] - 3.0 * put.step_of(late)) < 1.96 * found.numbers["std_s"]

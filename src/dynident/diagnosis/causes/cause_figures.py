@@ -17,7 +17,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
-from dynident.diagnosis.causes.model_error import ModelError
+from dynident.diagnosis.causes.model_error import FitErrors, ModelError
 from dynident.diagnosis.causes.weighted_fit import Solved
 
 
@@ -37,11 +37,7 @@ def figured(
     made = [again(cause, solved.beta[: rows.size]) for cause in causes]
     if any(new is not old for new, old in zip(made, causes, strict=True)):
         causes, solved = made, _fit(rows, made)
-    every = slice(None, None, error.every)
-    columns = _columns(rows, causes, solved, every)
-    targets = np.where(rows.masks, rows.target, 0.0)[every] / np.sqrt(solved.variances)
-    residuals = [target - own @ solved.beta for target, own in zip(targets.T, columns, strict=True)]
-    errors = error.of_rows(columns, residuals)
+    errors = _errors(rows, causes, solved, error)
     numbers = [_number(found, blame.cause) for blame in blames]
     told = []
     for k, blame in enumerate(blames):
@@ -51,13 +47,21 @@ def figured(
             if number in others:
                 continue  # it was taken in later, and is told itself
             fit = _fit(rows, beside)
-            columns = errors.with_columns(_columns(rows, beside, fit, every))
+            columns = errors.with_columns(_columns(rows, beside, fit, error))
             ((_, times),) = found.worths([(*others, number)])
             rivals.append(_figured(rival, fit, _places(rows, beside, k), columns.widening, times))
         ((_, times),) = found.worths([(*others, numbers[k])])
         one = _figured(blame, solved, _places(rows, causes, k), errors.widening, times)
         told.append(replace(one, cause=causes[k], rivals=tuple(rivals)))
     return tuple(told)
+
+
+def std_beside(rows: CauseRows, causes: Sequence[Cause], more: Cause, error: ModelError) -> float:
+    """Return the standard deviation of the coefficient of one cause more, by errors of the model and noise."""
+    every = [*causes, more]
+    solved = _fit(rows, every)
+    widening = _errors(rows, every, solved, error).widening(-1, np.zeros(len(rows.blocks)))
+    return float(np.sqrt(solved.covariance[-1, -1] * widening))
 
 
 def _figured(
@@ -85,9 +89,9 @@ def _places(rows: CauseRows, causes: Sequence[Cause], which: int) -> slice:
     return slice(begin, begin + len(causes[which].columns))
 
 
-def _columns(rows: CauseRows, causes: Sequence[Cause], solved: Solved, every: slice) -> list[Array]:
+def _columns(rows: CauseRows, causes: Sequence[Cause], solved: Solved, error: ModelError) -> list[Array]:
     """Return the columns of some rows of each joint, over the deviation of its residual, shape (N, k) each."""
-    found = []
+    found, every = [], slice(None, None, error.every)
     for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
         here = np.zeros((len(block[every]), len(solved.beta)))
         here[:, own] = block[every]
@@ -95,3 +99,10 @@ def _columns(rows: CauseRows, causes: Sequence[Cause], solved: Solved, every: sl
         here[~rows.masks[every, i]] = 0.0
         found.append(here / np.sqrt(solved.variances[i]))
     return found
+
+
+def _errors(rows: CauseRows, causes: Sequence[Cause], solved: Solved, error: ModelError) -> FitErrors:
+    """Return the errors of the model that a fit with some causes has."""
+    columns = _columns(rows, causes, solved, error)
+    targets = np.where(rows.masks, rows.target, 0.0)[:: error.every] / np.sqrt(solved.variances)
+    return error.of_rows(columns, [target - own @ solved.beta for target, own in zip(targets.T, columns, strict=True)])

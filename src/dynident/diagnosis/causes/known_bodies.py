@@ -3,9 +3,8 @@
 Friction is another one on another day and stays free. Base parameters of the earlier estimate and of the quick fit are
 told apart by their maps, so that gravity, rotors and friction may differ: what both know counts, the rest is free.
 
-An estimate has a covariance. The errors of a robot model are not stated: they are normal with one relative standard
-deviation, which follows from the log by the marginal likelihood (MacKay 1992, section 2.4), so that a load or a scale
-is told with an interval that includes them.
+An estimate has a covariance. The errors of a robot model are not stated: they are normal with relative standard
+deviations, which the log tells by the marginal likelihood (MacKay 1992, section 2.4), and count in the intervals.
 """
 
 from __future__ import annotations
@@ -39,9 +38,9 @@ SMALLEST = 1e-6
 #: Chance of so large a difference below which an earlier estimate contradicts the robot model.
 CONTRADICTS = 1e-3
 
-#: Relative standard deviations of a robot model at first, at least, passes that look for them at most, and the relative
-#: change of these and of the variances at which they are found; share of its way that a step is taken to make at least.
-FIRST, LEAST, SEARCHED, SETTLED, SHORTEST = 0.1, 1e-5, 30, 1e-2, 0.1
+#: Relative standard deviations of a robot model at first, at least and at most, passes that look for them at most, the
+#: relative change of these and of the variances at which they are found; share of its way that a step makes at least.
+FIRST, LEAST, LARGEST, SEARCHED, SETTLED, SHORTEST = 0.1, 1e-5, 1e3, 30, 1e-2, 0.1
 
 #: Share of a step to the straight lines of a load about new values that is gone, as they turn.
 HALF = 0.5
@@ -297,7 +296,8 @@ class Anchored(CauseSearch):
             place = np.stack([np.log(shares), np.log(known.likelier(shares, prior, off, left) / shares)])
             if slot is None and last.any():  # a load, which moves too, makes other slopes
                 np.divide(last[1] - place[1], place[0] - last[0], out=slope, where=place[0] != last[0])
-            shares, last = np.maximum(np.exp(place[0] + place[1] / np.clip(slope, SHORTEST, 1.0)), LEAST), place
+            step = place[1] / np.clip(slope, SHORTEST, 1.0)
+            shares, last = np.exp(np.clip(place[0] + step, np.log(LEAST), np.log(LARGEST))), place
             moved = np.zeros(0) if slot is None else beta[slot] - load
             if np.all(np.abs(np.log(np.concatenate([variances, shares]) / before)) < SETTLED) and np.all(
                 np.abs(moved[:TOLD]) < SETTLED * np.abs(load[:TOLD]).max(initial=0.0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_columns import CauseRows
-from dynident.diagnosis.causes.cause_figures import figured
+from dynident.diagnosis.causes.cause_figures import figured, std_beside
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.model_error import ModelError
@@ -39,12 +39,26 @@ class Trends:
     @cached_property
     def blames(self) -> tuple[Blame, ...]:
         """The causes that are sure, the one that explains most first."""
+        search = CauseSearch(self._rows, self.causes, self._rows.shared)
+        blames = search.blames()
+        return figured(search, blames, self._error, self._made_again) if blames else ()
+
+    @cached_property
+    def delay_std(self) -> float:
+        """Standard deviation of a delay of the torque in s, errors of the model counted, beside these causes."""
+        slope = _cause("torque delay", "", -np.gradient(self._predicted, np.asarray(self._log.time), axis=0))
+        causes = [blame.cause for blame in self.blames]
+        return std_beside(self._rows, causes, self._filtered([slope])[0], self._error)
+
+    @cached_property
+    def _rows(self) -> CauseRows:
         rows = self.fit.rows
         target = rows.torque - rows.known
-        found = CauseRows(rows.blocks, rows.columns, self.fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
-        search = CauseSearch(found, self.causes, found.shared)
-        blames = search.blames()
-        return figured(search, blames, ModelError.of_fit(self.fit), self._made_again) if blames else ()
+        return CauseRows(rows.blocks, rows.columns, self.fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
+
+    @cached_property
+    def _error(self) -> ModelError:
+        return ModelError.of_fit(self.fit)
 
     def _made_again(self, cause: Cause, beta: Array) -> Cause:
         """Return the clock or the lean of the base about bodies of other base parameters, shape (b,)."""
