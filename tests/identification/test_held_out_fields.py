@@ -24,6 +24,8 @@ from dynident.model.friction import Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
+from dynident.model.friction.load_directional import LoadDirectional
+from dynident.model.friction.load_stribeck import LoadStribeck
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
@@ -199,6 +201,43 @@ def test_a_part_that_is_not_there_is_left_out(planar_2r: Robot, exact_log: MakeL
     for log in (plain, grown):
         model, (held,) = choose_fields(DynamicModel(planar_2r, (Coulomb(0.01), Viscous(), FADING)), rows(log))
         assert model.friction == (Coulomb(0.01), Viscous()) and (held.field, held.value) == ("part", 0.0)
+
+
+#: Load friction as drafts ask for it.
+OF_LOAD = (
+    Load(0.02, choose=("part",)),
+    LoadDirectional(100.0, 0.02, choose=("part",)),
+    LoadStribeck(0.1, 0.02, choose=("part", "velocity")),
+)
+
+
+@pytest.mark.parametrize(
+    ("there", "values"),
+    [
+        ((), ()),
+        ((Load(0.02),), (0.1,)),
+        ((LoadDirectional(100.0, 0.02),), (0.05, 0.15)),
+        ((Load(0.02), LoadStribeck(0.15, 0.02)), (0.05, 0.1)),
+    ],
+)
+def test_load_friction_is_of_the_kind_that_is_there(
+    planar_2r: Robot, exact_log: MakeLog, there: tuple[Friction, ...], values: tuple[float, ...]
+) -> None:
+    """By direction in the place of the plain part, and the share that fades with speed beside it."""
+    own = [1.0, 0.5, *values]
+    log = logged(planar_2r, (Coulomb(0.02), Viscous(), *there), 2 * own, exact_log, noise=0.05, samples=4000)
+    model, told = choose_fields(DynamicModel(planar_2r, (Coulomb(0.02), Viscous(), *OF_LOAD)), rows(log))
+    assert [type(part) for part in model.friction[2:]] == [type(part) for part in there]
+    tried = {held.part for held in told if held.field == "part"}
+    assert tried == ({"load"} if not there else {"load", "load_directional", "load_stribeck"})
+    if len(there) == 2:
+        assert model.friction[-1].options["velocity"] == pytest.approx(0.15, rel=0.2)
+
+
+def test_load_by_direction_is_not_tried_beside_stated_load(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = logged(planar_2r, (Coulomb(0.02), Viscous(), Load(0.02)), 2 * [1.0, 0.5, 0.1], exact_log, noise=0.05)
+    model, told = choose_fields(DynamicModel(planar_2r, (Coulomb(0.02), Viscous(), Load(0.02), OF_LOAD[1])), rows(log))
+    assert [type(part) for part in model.friction] == [Coulomb, Viscous, Load] and not told
 
 
 def test_too_few_rows_leave_a_part_out(planar_2r: Robot, exact_log: MakeLog) -> None:

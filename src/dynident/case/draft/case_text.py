@@ -37,6 +37,9 @@ _WIDTH = 0.01
 #: Speed in rad/s over which friction at rest fades, where held-out samples find some and no other speed of it.
 _FADES = 0.1
 
+#: Such a speed of load friction by direction that does not fade.
+_NEVER = 100.0
+
 #: Distance in rad or m over which friction builds up after a reversal, likewise.
 _SLIPS = 3e-3
 
@@ -198,8 +201,10 @@ def _friction(found: Recognised) -> list[str]:
         "  # parts with choose: part are kept only if they improve held-out data",
         "  - degressive: {choose: part}      # gears: sub-linear viscous friction",
         f"  - load: {{{width}, choose: [part, width]}}   # load-dependent friction",
+        f"  - load_directional: {{velocity: {_NEVER:g}, {width}, choose: [part, width]}}   # in place of it",
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
         "   # Stribeck effect",
+        f"  - load_stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity]}}   # of the load",
         f"  - presliding: {{length: {_SLIPS:g}, choose: [part, length, shape]}}   # friction built up after reversals",
         *_warm_up(found),
     ]

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
+import numpy as np
+
+from dynident.arrays import Array
 from dynident.model.kernels.numpy_source import Function, numpy_function
 from dynident.model.kernels.trace import InputSource, Number, Scalar, Trace, TracedProgram, gradient
 
@@ -102,3 +106,16 @@ class Expression:
     def reads(self) -> tuple[frozenset[str], ...]:
         """The inputs that the expression of each coefficient reads."""
         return tuple(frozenset(program.arrays) for program in self.programs)
+
+
+def stacked(values: Sequence[Any], shape: tuple[int, ...]) -> Array:
+    """Return values of samples and drives, or constants, side by side, shape (N, n, k)."""
+    if len(values) == 1 and np.shape(values[0]) == shape:
+        return values[0][..., None]
+    if not any(map(np.shape, values)):  # no memory for them
+        return np.broadcast_to(np.array(values, dtype=np.float64), (*shape, len(values)))
+    found: Array = np.zeros((len(values), *shape))
+    for k, value in enumerate(values):
+        if np.shape(value) or value:
+            found[k] = value
+    return found.transpose(1, 2, 0)

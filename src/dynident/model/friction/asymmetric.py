@@ -6,17 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dynident.arrays import Array
-from dynident.model.friction.base import (
-    Coefficient,
-    Friction,
-    Inputs,
-    Number,
-    Range,
-    check_positive,
-    larger,
-    smaller,
-    smooth_sign,
-)
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, Range, larger, smaller, smooth_sign
 from dynident.plugins import bounded
 
 
@@ -37,9 +27,6 @@ class Asymmetric(Friction):
         Coefficient("Fc-", "N m", "N", nonnegative=True),
     )
     ranges: ClassVar = {"width": Range(1e-3, 0.3, is_speed=True)}
-
-    def __post_init__(self) -> None:
-        check_positive(self.width, "width", "a speed in rad/s")
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         sign = smooth_sign(at.dq, self.width)

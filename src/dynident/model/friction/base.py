@@ -12,7 +12,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import BadOption
-from dynident.model.friction._expression import Expression, Inputs
+from dynident.model.friction._expression import Expression, Inputs, stacked
 from dynident.model.kernels.trace import (
     Number,
     Scalar,
@@ -200,9 +200,20 @@ class Friction(ABC):
     #: Its place in the list of ``friction: auto``; it is to be stated where there is none.
     selection: ClassVar[SelectionUse | None] = None
 
+    #: Parts that it contains: it may come in their place, not beside them, where the logs decide about all of them.
+    in_place_of: ClassVar[tuple[str, ...]] = ()
+
+    #: Parts of which one is there before the logs may add it.
+    after: ClassVar[tuple[str, ...]] = ()
+
     joints: tuple[str, ...] | None = field(default=None, kw_only=True)
     vary: tuple[str, ...] | None = field(default=None, kw_only=True)
     choose: tuple[str, ...] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        for name, what in _POSITIVE.items():
+            if name in self.__dataclass_fields__:
+                check_positive(getattr(self, name), name, what)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs: the fields, and nothing that is made of them."""
@@ -298,7 +309,7 @@ class Friction(ABC):
         if motion.state is None and self.without_memory is not self:
             return self.without_memory.columns(motion)
         found = self.expression.columns(self._inputs(motion))
-        return _stacked([found[k] for k in range(len(self.coefficients))], motion.dq.shape)
+        return stacked([found[k] for k in range(len(self.coefficients))], motion.dq.shape)
 
     def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
         """Return the derivatives of every value of :meth:`columns` by its q, dq and ddq, each (N, n, k), exact.
@@ -313,7 +324,7 @@ class Friction(ABC):
             return self.without_memory.derivatives(motion)
         found, count = self.expression.slopes(self._inputs(motion)), len(self.coefficients)
         slopes = [[found.get(order * count + k, 0.0) for k in range(count)] for order in range(3)]
-        by_q, by_dq, by_ddq = (_stacked(own, motion.dq.shape) for own in slopes)
+        by_q, by_dq, by_ddq = (stacked(own, motion.dq.shape) for own in slopes)
         return by_q, by_dq, by_ddq
 
     def states_along(self, motion: Motion, step: float, first: Array | None = None) -> Array:
@@ -357,6 +368,14 @@ class Friction(ABC):
         }
 
 
+#: What is to be given for the fields of these names.
+_POSITIVE = {
+    **dict.fromkeys(("velocity", "width", "crossover"), "a speed in rad/s"),
+    "exponent": "a number such as 1 or 2,",
+    "length": "a distance in rad, at least the resolution of the encoder,",
+    "time_constant": "a time in s, at most as long as the logs,",
+}
+
 #: Input that stands for a signal beyond the motion, and what is to be done where it is not there.
 _SIGNALS = {"torque": "load", "temperature": "temperature", "state": "state"}
 _LACKING = {
@@ -364,19 +383,6 @@ _LACKING = {
     "temperature": "there are no temperatures here; map them (log: columns: temperature), or leave the part out",
     "state": "its state is not known here, only along a log or a simulation; leave the part out",
 }
-
-
-def _stacked(values: Sequence[Any], shape: tuple[int, ...]) -> Array:
-    """Return values of samples and drives, or constants, side by side, shape (N, n, k)."""
-    if len(values) == 1 and np.shape(values[0]) == shape:
-        return values[0][..., None]
-    if not any(map(np.shape, values)):  # no memory for them
-        return np.broadcast_to(np.array(values, dtype=np.float64), (*shape, len(values)))
-    found: Array = np.zeros((len(values), *shape))
-    for k, value in enumerate(values):
-        if np.shape(value) or value:
-            found[k] = value
-    return found.transpose(1, 2, 0)
 
 
 def check_positive(value: float, name: str, what: str) -> None:

@@ -8,15 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.errors import BadOption
-from dynident.model.friction.base import (
-    Coefficient,
-    Friction,
-    Inputs,
-    Number,
-    Range,
-    SelectionUse,
-    smooth_sign,
-)
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, Range, SelectionUse, smooth_sign
 from dynident.plugins import bounded
 
 

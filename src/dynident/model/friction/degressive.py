@@ -6,16 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dynident.errors import BadOption
-from dynident.model.friction.base import (
-    Coefficient,
-    Friction,
-    Inputs,
-    Number,
-    Range,
-    SelectionUse,
-    check_positive,
-    power,
-)
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, Range, SelectionUse, power
 from dynident.plugins import bounded
 
 
@@ -41,7 +32,7 @@ class Degressive(Friction):
     def __post_init__(self) -> None:
         if not 0 < self.exponent < 1:
             raise BadOption("exponent", self.exponent, "give a power between 0 and 1; 1 is the part 'viscous'")
-        check_positive(self.width, "width", "a speed in rad/s")
+        super().__post_init__()
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return (at.dq * power(at.dq**2 + self.width**2, (self.exponent - 1.0) / 2.0),)

@@ -5,16 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.model.friction.base import (
-    Coefficient,
-    Friction,
-    Inputs,
-    Number,
-    Range,
-    SelectionUse,
-    check_positive,
-    smooth_sign,
-)
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, Range, SelectionUse, smooth_sign
 from dynident.plugins import bounded
 
 
@@ -35,9 +26,6 @@ class Load(Friction):
     coefficients: ClassVar = (Coefficient("Fl", "1", "1", nonnegative=True),)
     ranges: ClassVar = {"width": Range(1e-3, 0.3, is_speed=True)}
     selection: ClassVar = SelectionUse(5, {"width": 0.01, "choose": ("part", "width")})
-
-    def __post_init__(self) -> None:
-        check_positive(self.width, "width", "a speed in rad/s")
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return (abs(at.load) * smooth_sign(at.dq, self.width),)

@@ -11,7 +11,7 @@ from dynident.model.friction.base import (
     Inputs,
     Number,
     Range,
-    check_positive,
+    SelectionUse,
     exponential,
     larger,
     smaller,
@@ -41,10 +41,8 @@ class LoadDirectional(Friction):
         Coefficient("Fl-", "1", "1", nonnegative=True),
     )
     ranges: ClassVar = {"velocity": Range(0.01, 100.0), "width": Range(1e-3, 0.3, is_speed=True)}
-
-    def __post_init__(self) -> None:
-        check_positive(self.velocity, "velocity", "a speed in rad/s")
-        check_positive(self.width, "width", "a speed in rad/s")
+    selection: ClassVar = SelectionUse(6, {"velocity": 100.0, "width": 0.01, "choose": ("part", "width")})
+    in_place_of: ClassVar = ("load",)
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         slow = exponential(-((at.dq / self.velocity) ** 2))

@@ -11,7 +11,7 @@ from dynident.model.friction.base import (
     Inputs,
     Number,
     Range,
-    check_positive,
+    SelectionUse,
     exponential,
     smooth_sign,
 )
@@ -35,10 +35,8 @@ class LoadStribeck(Friction):
 
     coefficients: ClassVar = (Coefficient("Fls", "1", "1", nonnegative=True),)
     ranges: ClassVar = {"velocity": Range(0.01, 2.0, is_speed=True), "width": Range(1e-3, 0.3, is_speed=True)}
-
-    def __post_init__(self) -> None:
-        check_positive(self.velocity, "velocity", "a speed in rad/s")
-        check_positive(self.width, "width", "a speed in rad/s")
+    selection: ClassVar = SelectionUse(8, {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity")})
+    after: ClassVar = ("load", "load_directional")
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         slow = exponential(-((at.dq / self.velocity) ** 2)) * smooth_sign(at.dq, self.width)

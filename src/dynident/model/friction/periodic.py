@@ -6,15 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.model.friction.base import (
-    Coefficient,
-    Friction,
-    Inputs,
-    Number,
-    check_positive,
-    cosine,
-    sine,
-)
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, check_positive, cosine, sine
 
 
 @dataclass(frozen=True)

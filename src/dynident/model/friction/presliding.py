@@ -19,7 +19,6 @@ from dynident.model.friction.base import (
     Range,
     SelectionUse,
     State,
-    check_positive,
     larger,
     power,
     smaller,
@@ -52,10 +51,7 @@ class Presliding(Friction):
     element: int = bounded(1, least=1, most=4)
 
     ranges: ClassVar = {"length": Range(3e-4, 0.1, is_distance=True), "shape": Range(0.01, 1.0)}
-    selection: ClassVar = SelectionUse(7, {"length": 3e-3, "choose": ("part", "length", "shape")})
-
-    def __post_init__(self) -> None:
-        check_positive(self.length, "length", "a distance in rad, at least the resolution of the encoder,")
+    selection: ClassVar = SelectionUse(9, {"length": 3e-3, "choose": ("part", "length", "shape")})
 
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:  # type: ignore[override]

@@ -12,7 +12,6 @@ from dynident.model.friction.base import (
     Number,
     Range,
     SelectionUse,
-    check_positive,
     exponential,
     power,
     smooth_sign,
@@ -43,13 +42,8 @@ class Stribeck(Friction):
         "width": Range(1e-3, 0.3, is_speed=True),
     }
     selection: ClassVar = SelectionUse(
-        6, {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity", "exponent")}
+        7, {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity", "exponent")}
     )
-
-    def __post_init__(self) -> None:
-        check_positive(self.velocity, "velocity", "a speed in rad/s")
-        check_positive(self.exponent, "exponent", "a number such as 1 or 2,")
-        check_positive(self.width, "width", "a speed in rad/s")
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         fading = exponential(-power(abs(at.dq) / self.velocity, self.exponent))

@@ -8,15 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.errors import BadOption
-from dynident.model.friction.base import (
-    Coefficient,
-    Friction,
-    Inputs,
-    Number,
-    SelectionUse,
-    check_positive,
-    smooth_sign,
-)
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionUse, smooth_sign
 from dynident.plugins import bounded
 
 
@@ -39,12 +31,12 @@ class Temperature(Friction):
         Coefficient("FcT", "N m/K", "N/K", nonnegative=False),
         Coefficient("FvT", "N m s/(rad K)", "N s/(m K)", nonnegative=False),
     )
-    selection: ClassVar = SelectionUse(9, {"choose": ("part",)})
+    selection: ClassVar = SelectionUse(11, {"choose": ("part",)})
 
     def __post_init__(self) -> None:
         if not -273.15 < self.reference < np.inf:
             raise BadOption("reference", self.reference, "give a temperature in degrees Celsius")
-        check_positive(self.width, "width", "a speed in rad/s")
+        super().__post_init__()
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         above = at.temperature - self.reference

@@ -18,7 +18,6 @@ from dynident.model.friction.base import (
     Range,
     SelectionUse,
     State,
-    check_positive,
     exponential,
     larger,
     smooth_sign,
@@ -51,12 +50,7 @@ class WarmUp(Friction):
 
     coefficients: ClassVar = Cold.coefficients
     ranges: ClassVar = {"time_constant": Range(60.0, 3600.0, is_duration=True)}
-    selection: ClassVar = SelectionUse(8, {"time_constant": 300.0, "choose": ("part", "time_constant")})
-
-    def __post_init__(self) -> None:
-        check_positive(self.time_constant, "time_constant", "a time in s, at most as long as the logs,")
-        check_positive(self.crossover, "crossover", "a speed in rad/s")
-        check_positive(self.width, "width", "a speed in rad/s")
+    selection: ClassVar = SelectionUse(10, {"time_constant": 300.0, "choose": ("part", "time_constant")})
 
     @property
     def states(self) -> tuple[State, ...]:

@@ -5,7 +5,7 @@ Where the delay of the torque is free, each list has the delay that fits all row
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -153,3 +153,18 @@ def is_better(gaps: Array, chance: float | None = CHANCE, least: float = NOTHING
     gain, error = share_of(gaps)
     sizes = 1.0 if chance is None else float(student_quantile(1.0 - chance, len(gaps) - 1))
     return gain > max(least, error * sizes)
+
+
+def shortest_list(
+    parts: Sequence[int], errors_of: Callable[[Sequence[tuple[int, ...]]], list[Array]]
+) -> tuple[int, ...]:
+    """Return the shortest of the lists, the best part added to each, that the best one is not better than."""
+    path, scores = list[tuple[int, ...]]([()]), errors_of([()])
+    while left := [p for p in parts if p not in path[-1]]:
+        errors = errors_of(longer := [(*path[-1], p) for p in left])
+        k = int(np.argmin([np.mean(each) for each in errors]))
+        path.append(longer[k])
+        scores.append(errors[k])
+    means = [np.mean(each) for each in scores]
+    best = next(each for each, mean in zip(scores, means, strict=True) if mean <= min(means) + NOTHING)
+    return next(own for own, each in zip(path, scores, strict=True) if not is_better(each - best, None))

@@ -1,10 +1,10 @@
 """Non-linear friction fields, and whole parts, whose stated value stands unless held-out samples ask for another one.
 
 The best value in the fit (see :mod:`variable_projection`) takes up whatever the model lacks, and the next motion need
-not have it: a sign of dry friction that turns over a tenth of a radian a second may stand for a joint that gives. Here
-values are compared by what they say about stretches of the logs that the fit has not seen, and another value is taken
-only where its error is smaller than that of the stated one by more than chance makes it look in one of twenty logs
-(Student's t of the differences, block by block). Then it is found to a finer step, in a fit of all rows near it.
+not have it. Here values are compared by what they say about stretches of the logs that the fit has not seen, and
+another value is taken only where its error is smaller than that of the stated one by more than chance makes it look in
+one of twenty logs (Student's t of the differences, block by block). Then it is found to a finer step, in a fit of all
+rows near it.
 
 Parts that ``choose`` names as a whole are added one by one, on all their drives at once, as long as that lowers the
 held-out error, and the shortest list is kept that the best one does not improve on by more than chance. The fastest
@@ -30,12 +30,12 @@ from dynident.identification.selection.friction.column_pool import ROWS, PooledL
 from dynident.identification.selection.friction.finer_values import finer_values
 from dynident.identification.selection.friction.held_out_errors import (
     BLOCKS,
-    NOTHING,
     OF_A_PART,
     OF_SHORT_LOGS,
     HeldOut,
     is_better,
     share_of,
+    shortest_list,
 )
 from dynident.identification.selection.friction.parts_by_drive import (
     by_drive,
@@ -96,7 +96,7 @@ def search_friction(
     for blocks in (BLOCKS, OF_SHORT_LOGS):
         pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares.tolist(), shared)
         search = FrictionSearch(model, pooled, spans, progress)
-        if search.tried((), ()).tells:  # rows enough to hold some out
+        if search.tells:
             break
     search.run(after)
     return search
@@ -128,6 +128,9 @@ class FrictionSearch:
         self._lagging = tuple(p for p in self.absent if model.friction[p].lags)
         self._pooled, self._spans, self._progress = pooled, spans, progress
         self._polished: dict[int, Friction] = {}
+        parts = model.friction
+        self._inside = [{q for q, own in enumerate(parts) if called(own) in part.in_place_of} for part in parts]
+        self.tells = self.tried((), ()).tells  # whether the blocks have rows enough to hold some out
 
     @property
     def chosen(self) -> DynamicModel:
@@ -161,11 +164,12 @@ class FrictionSearch:
             self.absent = tuple(p for p in optional if p not in self._lagging or p in after.absent)
             self._polished = after._polished
         self.parts()
-        linear = [p for p, held in self.decided.items() if held.value and not self._own_fields(p)]
-        others = [p for p, held in self.decided.items() if held.value and self._own_fields(p)]
-        if self.remembers or linear or others:
+        taken = [p for p, held in self.decided.items() if held.value]
+        needed = {name for p in taken for name in self.stated.friction[p].after}
+        linear = [p for p in taken if not self._own_fields(p) and called(self.stated.friction[p]) not in needed]
+        if taken or self.remembers:
             self.polish()
-        if linear and (self.remembers or others):
+        if linear and (any(map(self._own_fields, taken)) or self.remembers):
             self.absent += tuple(self._of(linear))  # they may have stood in the place of the others
             self.decided |= self.with_linear_parts()
             if not all(self.decided[p].value for p in linear):
@@ -185,8 +189,9 @@ class FrictionSearch:
         self.decided = self.with_linear_parts()
         if any(held.value for held in self.decided.values()):
             self.fields()
-        for p in range(len(self.stated.friction)):
-            if p in self.absent and p not in (*self.decided, *self._lagging):
+        for p, part in enumerate(self.stated.friction):
+            there = {called(own) for q, own in enumerate(self.model.friction) if q not in self.absent}
+            if p in self.absent and self._own_fields(p) and not part.lags and (not part.after or there & {*part.after}):
                 self.decided[p] = self.with_part(p)
                 if self.decided[p].value:
                     self.fields()
@@ -207,7 +212,9 @@ class FrictionSearch:
 
     def with_linear_parts(self) -> dict[int, FieldChoice]:
         """Put the absent parts there that have no field of their own beside a width and that held-out rows ask for."""
-        linear = [p for p in self.absent if self.heads[p] == p and not self._own_fields(p) and p not in self._lagging]
+        inside = self._inside
+        linear = [p for p in self.absent if self.heads[p] == p and not (self._own_fields(p) or p in self._lagging)]
+        linear = [p for p in linear if inside[p] <= {*linear}]
         for p in linear:
             self._share_width(p)
         present = [p for p in range(len(self.model.friction)) if p not in self.absent]
@@ -217,23 +224,19 @@ class FrictionSearch:
         self._progress(f"friction: {named} on held-out samples")
         pool, own = self._pooled.pool(self.model.friction), self._drives(present)
         tried = HeldOut.of(pool, own, [own])
-        if not tried.tells:
+        if not self.tells:
             return {p: self._told(p, False, None) for p in linear}
 
         def errors_of(added: Sequence[tuple[int, ...]]) -> list[Array]:
             return tried.with_parts([self._drives((*present, *self._of(extra))) for extra in added]).errors()
 
-        path, scores = list[tuple[int, ...]]([()]), errors_of([()])
-        while left := [p for p in linear if p not in path[-1]]:
-            longer = [(*path[-1], p) for p in left]
-            errors = errors_of(longer)
-            k = int(np.argmin([np.mean(each) for each in errors]))
-            path.append(longer[k])
-            scores.append(errors[k])
-        means = [np.mean(each) for each in scores]
-        best = next(each for each, mean in zip(scores, means, strict=True) if mean <= min(means) + NOTHING)
-        chosen = next(own for own, each in zip(path, scores, strict=True) if not is_better(each - best, None))
-        others = [tuple(q for q in linear if (q in chosen) != (q == p)) for p in linear]
+        chosen = shortest_list([p for p in linear if not inside[p]], errors_of)
+        linear = [p for p in linear if inside[p] <= {*chosen}]
+        for p in linear:  # in the place of those that are inside it
+            if inside[p] and is_better(np.subtract(*errors_of([chosen, other := (*({*chosen} - inside[p]), p)])), None):
+                chosen = other
+        around = {p: {p, *inside[p], *(q for q in linear if p in inside[q])} for p in linear}
+        others = [(*({*chosen} - around[p]), *(inside[p] if p in chosen else [p])) for p in linear]
         first, *errors = errors_of([chosen, *others])
         self.absent = tuple(p for p in self.absent if self.heads[p] not in chosen)
         gaps = [(each - first) * (1.0 if p in chosen else -1.0) for p, each in zip(linear, errors, strict=True)]
@@ -271,7 +274,7 @@ class FrictionSearch:
         self._share_width(p)
         points = self._points(p, self._own_fields(p)[:1])  # further ones are as stated until it is there
         tried = self.tried(self._of([p]), points)
-        if not tried.tells:
+        if not self.tells:
             return self._told(p, False, None)
         first, *others = tried.errors()
         k = int(np.argmin([np.mean(each) for each in others]))
@@ -318,7 +321,7 @@ class FrictionSearch:
         about = (labels, self.stated.friction[there[0]].joints)
         self.model = with_values(self.model, there, stated)
         tried = self.tried(there, points := self._points(group[0], names))
-        if not tried.tells:
+        if not self.tells:
             return [FieldChoice(*about, name, x, x, x, 0.0, None) for name, x in stated.items()]
         first, *others = tried.errors(fastest=False)
         k = int(np.argmin([np.mean(each) for each in others]))
