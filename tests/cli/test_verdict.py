@@ -116,6 +116,21 @@ def test_a_fault_leaves_an_estimate_that_is_not_accepted(
         export_model(estimate, "csv", "other.csv")
 
 
+def test_a_fit_of_nothing_is_not_accepted(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Torques that have nothing to do with the motion, whether the log checks are made or not."""
+    noise = np.random.default_rng(7)
+    recorded(spatial_3r, lambda log: replace(log, torque=noise.normal(size=np.shape(log.torque))))
+    assert main(["identify", "case.yaml", "run.csv", "-o", "e.json", "--no-check", *QUICK]) == 4
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0].startswith("NOT ACCEPTED: it explains next to nothing of its own data")
+    assert shown[1].startswith("error: the estimate: nothing explained: the torque error is ")
+    assert not [line for line in shown if line.startswith("links:")]
+    assert main(["export", "e.json", "--to", "csv", "-o", "out.csv", "--quiet"]) == 1
+    assert "nothing explained" in capsys.readouterr().err and not Path("out.csv").exists()
+
+
 @pytest.mark.parametrize("robot", ["sliding_arm", "scara", pytest.param("planar_3r", marks=pytest.mark.battery)])
 def test_a_right_log_speaks_for_itself(
     robot: str, recorded: Recorded, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]

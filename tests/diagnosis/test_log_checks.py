@@ -40,7 +40,7 @@ from dynident.diagnosis.repair import repair, sortable, wraps
 from dynident.model.friction import FRICTION, default_friction
 from dynident.model.friction.warm_up import WarmUp
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Robot
+from dynident.model.robot import Drive, Robot
 from dynident.robot_files import read_robot
 
 #: Half the samples a second of the benchmark.
@@ -128,6 +128,27 @@ def test_columns_in_another_order_are_named_with_the_right_one(
     assert found.joint == ", ".join(joints[i] for i in moved)
     if len(moved) == 3:
         assert f"read as those of {', '.join(joints[k] for k in order)}" in found.evidence
+
+
+@pytest.mark.parametrize(("moved", "words"), [("i", "with their currents exchanged"), ("both", "currents and gains")])
+def test_currents_of_unlike_gains_in_another_order_are_named(
+    trial: Trial, moved: str, words: str, tmp_path: Path
+) -> None:
+    """The torques are then in no order: each current is multiplied by the gain of the other joint."""
+    names, gains, order = trial.case.robot.joint_names, np.array([9.0, 2.5, 0.8]), [0, 2, 1]
+    given = gains[order] if moved == "both" else gains
+    drives = {name: Drive(gain=float(gain)) for name, gain in zip(names, given, strict=True)}
+    columns = {key: values for key, values in trial.columns.items() if key != "tau"}
+    right = Trial(
+        replace(trial.case, robot=trial.case.robot.with_drives(drives)),
+        {**columns, "i": (trial.columns["tau"] / gains)[:, order]},
+    )
+    found = right.examined(tmp_path).findings[0]
+    assert (found.severity, found.name, found.joint) == ("error", "torque order", ", ".join(names[1:]))
+    assert words in found.evidence and "log: columns: current" in found.remedy
+    mended = right.with_columns(i=right.columns["i"][:, order])
+    if moved == "i":
+        assert "torque order" not in [one.name for one in mended.examined(tmp_path).findings]
 
 
 def test_torques_that_no_body_makes_are_no_other_order(case: Case, tmp_path: Path) -> None:

@@ -18,13 +18,19 @@ from dynident.identification.estimate.validation import Z_95, Validation
 
 ACCEPTED, NOT_ACCEPTED, NOT_MET, NO_CRITERIA = "accepted", "not accepted", "criteria not met", "no criteria"
 
+#: Relative torque error on the data of the fit from which an estimate is worth no more than none.
+WORTHLESS = 0.9
+
+#: What a finding is about that is of a fit and of no log.
+OF_FIT = "the estimate"
+
 #: What is written before findings beside another error.
 SUSPECT = "the log checks found"
 
 
 @dataclass(frozen=True)
 class ErrorFinding:
-    """A finding at error level of a log of the fit.
+    """A finding at error level of a log of the fit, or of the fit.
 
     Attributes:
         log: Name of the log, and of how many others it is true.
@@ -88,7 +94,7 @@ class Verdict:
 
     @property
     def word(self) -> str:
-        """``not accepted`` for an error of the log checks, ``criteria not met``, ``accepted``, or ``no criteria``."""
+        """``not accepted`` for a cause, ``criteria not met``, ``accepted``, or ``no criteria``."""
         if self.causes:
             return NOT_ACCEPTED
         if not self.criteria:
@@ -146,6 +152,22 @@ def quality_of(estimate: Estimate) -> Sequence[Mapping[str, Any]] | None:
     return estimate.provenance.get("log_quality")
 
 
+def causes_against(estimate: Estimate, quality: Sequence[Mapping[str, Any]] | None = None) -> tuple[ErrorFinding, ...]:
+    """Return what speaks against an estimate at error level: findings of the log checks, and a fit of nothing.
+
+    Args:
+        estimate: The estimate.
+        quality: What the checks found in the logs of the fit; None for what its provenance has.
+    """
+    found = errors_in((quality_of(estimate) if quality is None else quality) or ())
+    error = estimate.train.total_relative_error
+    if not error > WORTHLESS:
+        return found
+    evidence = f"the torque error is {100 * error:.0f} % of the torque on the data of the fit, about that of no model"
+    remedy = "check columns, signs, units, gains and coupling"
+    return (*found, ErrorFinding(OF_FIT, "nothing explained", "", evidence, remedy))
+
+
 def verdict_of(
     estimate: Estimate,
     test: Validation | None = None,
@@ -163,7 +185,7 @@ def verdict_of(
         is_held_out: Whether ``test`` had no part in the fit.
     """
     known = quality_of(estimate) if quality is None else quality
-    causes = errors_in(known or ())
+    causes = causes_against(estimate, known)
     stated = Acceptance(estimate.provenance.get("accept") or {}) if acceptance is None else acceptance
     on = "training data" if test is None or not is_held_out else "test data"
     judged = [_judged(name, limit, estimate, test, known, on) for name, limit in stated.limits.items()]

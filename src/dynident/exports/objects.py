@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.diagnosis.verdict import errors_in, quality_of
+from dynident.diagnosis.verdict import causes_against
 from dynident.errors import MissingDependency, NotAccepted
 from dynident.exports.models import MODEL_EXPORTERS
 from dynident.exports.models.subject.identified import identified
@@ -69,7 +69,7 @@ def mujoco_spec(estimate: Estimate, *, force: bool = False) -> Any:
 
 def _files(estimate: Estimate, exporter: str, force: bool) -> list[bytes]:
     """Return the files of an exporter, written anew and not to disk."""
-    for cause in () if force else errors_in(quality_of(estimate) or ()):
+    for cause in () if force else causes_against(estimate):
         step = "correct it and identify again, or give force=True"
         raise NotAccepted("the estimate is not accepted", str(cause), step)
     content = MODEL_EXPORTERS.make(exporter).content(identified(estimate), Path("identified"))

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dynident.diagnosis.verdict import errors_in, quality_of
+from dynident.diagnosis.verdict import causes_against
 from dynident.errors import BadArgument, FileError, NotAccepted
 from dynident.exports.models.subject.drives import rigid_torque
 from dynident.exports.models.subject.identified import identified
@@ -85,7 +85,7 @@ def write_usd_layer(
     target = Path(path)
     if target.suffix.lower() != ".usda":
         raise BadArgument("path", f"'{path}'", "give a file that ends with .usda")
-    for cause in () if force else errors_in(quality_of(estimate) or ()):
+    for cause in () if force else causes_against(estimate):
         raise NotAccepted("the estimate is not accepted", str(cause), "correct it, or give force=True")
     source = find_source(estimate, stage)
     if source is None or source.path.suffix.lower() not in _ENDINGS:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynident.diagnosis.verdict import Verdict, errors_in, quality_of
+from dynident.diagnosis.verdict import Verdict, causes_against, quality_of
 from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
@@ -68,7 +68,7 @@ def summary_lines(estimate: Estimate, test: Validation | None) -> list[str]:
 
     Of one that the log checks speak against links and parameters mean nothing: they are left out.
     """
-    is_sound = not errors_in(quality_of(estimate) or ())
+    is_sound = not causes_against(estimate)
     bodies = [bodies_line(estimate), *plausibility_lines(estimate, test), parameters_line(estimate)]
     known = [*(bodies if is_sound else []), data_line(estimate), checks_line(estimate)]
     return [line for line in (*known, missing_reason(estimate)) if line]

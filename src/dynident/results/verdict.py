@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dynident.diagnosis.verdict import NO_CRITERIA, AcceptanceCriterion, Verdict
+from dynident.diagnosis.verdict import NO_CRITERIA, OF_FIT, AcceptanceCriterion, Verdict
 from dynident.results.text import MISSING, Column, Table, format_percent, label
 
 #: What is said where nobody has looked at the logs of a fit.
@@ -20,8 +20,9 @@ def headline(verdict: Verdict) -> str:
 def reason_of(verdict: Verdict) -> str:
     """Return why the verdict is what it is; without criteria, what the log checks found."""
     if verdict.causes:
-        count = len(verdict.causes)
-        return f"the log checks have {count} finding{'s' * (count > 1)} at error level; {STEP}"
+        count = sum(cause.log != OF_FIT for cause in verdict.causes)
+        told = f"the log checks have {count} finding{'s' * (count > 1)} at error level"
+        return f"{told if count else 'it explains next to nothing of its own data'}; {STEP}"
     if verdict.word == NO_CRITERIA:
         return "the log checks found no error" if verdict.is_checked else "the log checks were not made"
     missed = [criterion.criterion for criterion in verdict.criteria if not criterion.is_met]

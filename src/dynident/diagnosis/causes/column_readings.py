@@ -70,17 +70,23 @@ def feeding(share: Array, z: Array) -> BoolArray:
 def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
     """Yield the orders of the torques under which a log agrees far better, that of the positions kept."""
     names, stated = fit.model.robot.joint_names, fit.solve(fit.shared).score
-    orders = list(_orders(len(names)))
-    mixings = np.eye(len(names))[np.array(orders, dtype=int).reshape(-1, len(names))]
-    for order, mixing, variances in zip(orders, mixings, fit.variances(fit.shared, mixings), strict=True):
+    plain = f"{fit.effort}s"
+    columns = {plain: fit.exchanged} | ({} if fit.conversion is None else {"currents and gains": _rows_in_order})
+    read = [(order, what, exchanged(order)) for what, exchanged in columns.items() for order in _orders(len(names))]
+    mixings = np.array([mixing for *_, mixing in read]).reshape(-1, len(names), len(names))
+    for (order, what, mixing), variances in zip(read, fit.variances(fit.shared, mixings), strict=True):
         moved = [i for i, k in enumerate(order) if i != k]
         gain = stated - float(np.log(variances).sum())
         if gain > GAIN and _explained(fit, variances, mixing, moved):
-            how = _in_words(names, order)
             joints = tuple(names[i] for i in moved)
-            evidence = f"with their torques {how},"
-            remedy = "name the torque columns in the order of the joints (log: columns: torque)"
+            evidence = f"with their {what} {_in_words(names, order)},"
+            remedy = f"name the {fit.effort} columns in the order of the joints (log: columns: {fit.effort})"
+            remedy += ", and give each joint its own gain (drives)" * (what != plain)
             yield Interpretation("torque order", joints, gain, evidence, remedy, ReadRows(fit.rows, mixing))
+
+
+def _rows_in_order(order: Sequence[int]) -> Array:
+    return np.eye(len(order))[list(order)]
 
 
 def _orders(joints: int) -> Iterator[tuple[int, ...]]:
@@ -146,9 +152,9 @@ def position_readings(fit: QuickFit, wrong: BoolArray, feeds: BoolArray) -> Iter
         remedy = "name the position columns in the order of the joints (log: columns: q)"
         if len(moved) == 2:
             yield from _read(fit, swapped, "joint order", moved, remedy)
-        remedy = "name the columns of positions and torques in the order of the joints (log: columns)"
-        how = f"with their positions and torques {_in_words(names, order)},"
-        yield from _read(fit, swapped, "joint order", moved, remedy, how, np.eye(len(names))[list(order)])
+        remedy = f"name the columns of positions and {fit.effort}s in the order of the joints (log: columns)"
+        how = f"with their positions and {fit.effort}s {_in_words(names, order)},"
+        yield from _read(fit, swapped, "joint order", moved, remedy, how, fit.exchanged(order))
     if turning.all() and most:
         remedy = "state the unit in the case file (log: units: {position: deg})"
         yield from _read(fit, _reduced(fit, np.deg2rad(q)), "positions in degrees", (), remedy)

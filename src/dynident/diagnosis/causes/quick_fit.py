@@ -8,6 +8,7 @@ is their log-likelihood up to the number of independent rows (Seber and Wild 200
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -87,6 +88,7 @@ class QuickFit:
         counting: Which of the rows count, shape (N,); None for all.
         explained: Torque that has another cause than the model and is taken off, shape (N, n); None for none.
         starts: When each of the logs begins that are one here, in s, shape (L,).
+        conversion: What turns currents into these torques, N m (or N) per A, shape (n, n); None for logged torques.
     """
 
     model: DynamicModel
@@ -96,6 +98,7 @@ class QuickFit:
     counting: BoolArray | None = None
     explained: Array | None = None
     starts: Array = field(default_factory=lambda: np.zeros(1))
+    conversion: Array | None = None
 
     def part(self, counting: BoolArray) -> QuickFit:
         """Return the fit of some of the rows, shape (N,)."""
@@ -104,6 +107,16 @@ class QuickFit:
     def clock(self, time: Array) -> Array:
         """Return times (N,) in s since their own log began, shape (N,)."""
         return time - self.starts[np.maximum(np.searchsorted(self.starts, time, side="right") - 1, 0)]
+
+    @property
+    def effort(self) -> str:
+        """What the log has of the drives, ``torque`` or ``current``."""
+        return "torque" if self.conversion is None else "current"
+
+    def exchanged(self, order: Sequence[int]) -> Array:
+        """Return what torques are multiplied by, shape (n, n), where columns of torques or currents are in an order."""
+        plain = np.eye(len(order))[list(order)]
+        return plain if self.conversion is None else self.conversion @ plain @ np.linalg.inv(self.conversion)
 
     @cached_property
     def rows(self) -> FitRows:
@@ -284,9 +297,18 @@ def thin_fit(case: Case, log: Log) -> QuickFit | None:
     )
     try:
         thin = thinned_log(log, SAMPLES_PER_HZ * cutoff, case.preprocessing.longest_gap_s)
-        return QuickFit(model, base_of(model), thin, how)
+        return QuickFit(model, base_of(model), thin, how, conversion=_conversion(case.robot, log))
     except DynidentError:
         return None
+
+
+def _conversion(robot: Robot, log: Log) -> Array | None:
+    """Return what turned the currents of a log into its torques, shape (n, n); None where these were logged."""
+    gains = np.array([np.nan if joint.drive.gain is None else joint.drive.gain for joint in robot.active])
+    if log.current is None or log.torque is None or not np.all(gains != 0.0) or np.isnan(gains).any():
+        return None
+    found = np.asarray(robot.coupling).T * gains
+    return found if np.allclose(log.current @ found.T, log.torque, equal_nan=True) else None
 
 
 def base_of(model: DynamicModel) -> BaseParameters:

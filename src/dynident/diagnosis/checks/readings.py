@@ -41,6 +41,9 @@ POOR, POOR_OF_ANOTHER = 0.25, 0.1
 #: Degrees, and share of the reach, by which link frames may differ between two models of one robot.
 FRAMES_TURNED, FRAMES_MOVED = 5.0, 0.05
 
+#: Largest entry of a coupling between two joints that turn: a larger one stands for a scale.
+MOST_COUPLED = 5.0
+
 #: Readings that are told beside the best one at most, where the log does not tell them apart.
 RIVALS = 2
 
@@ -231,6 +234,9 @@ def _couplings(fit: QuickFit) -> Iterator[Interpretation]:
         return
     touched = sorted({place for motor, joint, *_ in found.entries for place in (motor, joint)})
     if np.any(found.after[touched] > GOOD):
+        return
+    turns = [joint.kind == "revolute" for joint in fit.model.robot.active]
+    if any(turns[motor] and turns[joint] and abs(value) > MOST_COUPLED for motor, joint, value, _ in found.entries):
         return
     names = fit.model.robot.joint_names
     told = [

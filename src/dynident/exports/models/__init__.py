@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynident.data.log import Log
-from dynident.diagnosis.verdict import errors_in, quality_of
+from dynident.diagnosis.verdict import causes_against
 from dynident.errors import BadOption, FileError, NotAccepted
 from dynident.exports.base import Proof, write_files
 from dynident.exports.models._summary import ModelExport, model_export_data, neglected_torque
@@ -72,7 +72,7 @@ def export_model(
     Raises:
         UnknownChoice: No such exporter.
         BadOption: An option or a name that cannot be, or a description where the target takes none.
-        NotAccepted: The log checks have a finding at error level, and ``force`` is not set.
+        NotAccepted: A finding at error level speaks against the estimate, and ``force`` is not set.
         NotConsistent: No possible robot has these base parameters; the message names the worst body and what to do.
         DescriptionError: The robot model is faulty, or of another robot.
         FileError: A file of the robot model would be overwritten, the proof fails, a simulation diverges, or a file
@@ -130,12 +130,12 @@ def _check_part(part: ModelExporter, description: str | Path | None) -> None:
 
 
 def _check_accepted(estimate: Estimate) -> None:
-    """Refuse an estimate that findings of the log checks at error level speak against.
+    """Refuse an estimate that findings at error level speak against.
 
     Raises:
         NotAccepted: There is one.
     """
-    for cause in errors_in(quality_of(estimate) or ()):
+    for cause in causes_against(estimate):
         step = "correct it and identify again, or export with force (--force)"
         raise NotAccepted("the estimate is not accepted", str(cause), step)
 
