@@ -12,6 +12,10 @@ from benchmarks.faults.figures import stated
 from benchmarks.faults.trials import Trial, subject_of, virtual
 
 from dynident.case.case import read_case
+from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_figures import figured
+from dynident.diagnosis.causes.cause_search import Cause, CauseSearch
+from dynident.diagnosis.causes.model_error import ModelError
 from dynident.diagnosis.checks.residual_trends import ResidualTrends
 from dynident.diagnosis.checks.torque_delay import TorqueDelay
 
@@ -60,3 +64,23 @@ def test_a_bend_that_no_model_has_widens_the_interval_of_a_delay(tmp_path: Path)
     assert wide.trends.delay_std > 2 * narrow.trends.delay_std
     (found,) = TorqueDelay().findings(wide)
     assert abs(found.numbers["delay_s"] - 3.0 * put.step_of(late)) < 1.96 * found.numbers["std_s"]
+
+
+def test_a_spring_and_a_counterbalance_that_cancel_have_the_size_of_their_sum() -> None:
+    """20 (q - sin q) has a hundredth of the torque, each of the two alone more than all of it."""
+    generator, count = np.random.default_rng(0), 800
+    q = generator.uniform(-1.0, 1.0, count)
+    target = 20.0 * (q - np.sin(q)) + 0.01 * generator.normal(size=count)
+    columns = {"spring": q[None, :, None], "counterbalance": np.stack([np.sin(q), np.cos(q)])[:, :, None]}
+    causes = [Cause(name, "elbow", own, is_filtered=True) for name, own in columns.items()]
+    measured, masks = target + 5.0 * np.cos(9.0 * q), np.ones((count, 1), bool)
+    rows = CauseRows([np.ones((count, 1))], [np.arange(1)], 1, target[:, None], measured[:, None], masks)
+    search = CauseSearch(rows, causes)
+    blames = search.blames()
+    told = figured(search, blames, ModelError(4, [np.eye(count // 4)]), lambda cause, beta: cause)
+    assert {blame.cause.name for blame in told} == {"spring", "counterbalance"}
+    assert all(blame.size > 1.0 for blame in blames) and all(blame.size < 0.5 for blame in told)
+    values = {blame.cause.name: blame.values[0] for blame in told}
+    assert values["spring"] == pytest.approx(20.0, rel=0.05) and values["counterbalance"] == pytest.approx(
+        -20.0, rel=0.05
+    )

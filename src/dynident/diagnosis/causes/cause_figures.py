@@ -20,6 +20,9 @@ from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.model_error import FitErrors, ModelError
 from dynident.diagnosis.causes.weighted_fit import Solved
 
+#: Causes whose torque follows the position of their joint.
+PULLS = ("spring", "counterbalance")
+
 
 def figured(
     found: CauseSearch, blames: Sequence[Blame], error: ModelError, again: Callable[[Cause, Array], Cause]
@@ -53,7 +56,17 @@ def figured(
         ((_, times),) = found.worths([(*others, numbers[k])])
         one = _figured(blame, solved, _places(rows, causes, k), errors.widening, times)
         told.append(replace(one, cause=causes[k], rivals=tuple(rivals)))
-    return tuple(told)
+    return tuple(replace(one, size=min(one.size, _together(rows, one, told))) for one in told)
+
+
+def _together(rows: CauseRows, blame: Blame, every: Sequence[Blame]) -> float:
+    """Return the torque of all pulls at the joint of one as a share of the measured: a spring and a sine may cancel."""
+    if blame.cause.name not in PULLS:
+        return blame.size
+    same = [one for one in every if one.cause.name in PULLS and one.cause.joint == blame.cause.joint]
+    torque = np.sum([np.tensordot(one.values, one.cause.columns, 1) for one in same], axis=0)
+    sums = [np.sum(np.where(rows.masks, each, 0.0) ** 2, axis=0) for each in (torque, rows.measured)]
+    return float(np.sqrt(np.max(sums[0] / np.maximum(sums[1], 1e-300))))
 
 
 def std_beside(rows: CauseRows, causes: Sequence[Cause], more: Cause, error: ModelError) -> float:
