@@ -4,12 +4,13 @@ One joint: each seed draws a pendulum (0.2 to 1.5 kg, 0.08 to 0.25 m), a servo f
 times the weight's torque, back-EMF, armature, friction, delay 2 to 20 ms, one in three with a slew limit) and logs of
 6 s at 200 Hz, 4096 counts a turn: chirp, steps, lift and free swing at two position gains. The drive law is that of the
 STS3215. A second answer gets one slow chirp without saturation and no gain: the torque at full duty has to be called
-not separable. Three or six joints: arms of desk size, all joints in motion at once, at 30, 50, 100 or 200 Hz,
-integrated by Pinocchio (servo_arms.py). One seed in four has stiction (Stribeck), and friction m2 is stated; m1 for the
-others. One line a seed is added to the file, and seeds that it holds are not run again. With --minutes the arms have
-logs of that length in all, at position gains from 6 to 20, and no stiction: how long does the answer take? With
---bodies the bodies of the robot model are off by about 30 % and free; with --payload logs of a known payload are added.
-With --single one joint of an arm moves at a time, the others hold a pose, another one at each gain.
+not separable. Three or six joints: arms of desk size, all joints in motion at once, at 30, 50, 100 or 200 Hz, an
+integrator of their own (servo_arms.py), one drive in three with a slew limit. One seed in four has stiction (Stribeck),
+and friction m2 is stated; m1 for the others. One line a seed is added to the file, and seeds that it holds are not run
+again. With --minutes the arms have logs of that length in all, at position gains from 6 to 20, without stiction and
+slew limits: how long does the answer take? With --bodies the bodies of the robot model are off by about 30 % and free;
+with --payload logs of a known payload are added. With --single one joint of an arm moves at a time, the others hold a
+pose, another one at each gain.
 Run: python -m benchmarks.servos FILE [--joints N] [--seeds N] [--first K] [--minutes M] [--bodies] [--payload]
 [--single]
 """
@@ -102,6 +103,12 @@ def add_stiction(random: np.random.Generator, true: Array) -> None:
         true[:, PLACE["stribeck_velocity"]] = random.uniform(0.1, 0.4, len(true))
 
 
+def add_slew_limits(random: np.random.Generator, true: Array) -> None:
+    """Give one drive in three of an arm a slew limit, in place; shape (n, COUNT)."""
+    limited = random.random(len(true)) < 1 / 3
+    true[limited, PLACE["slew_limit"]] = random.uniform(2.0, 3.5, int(limited.sum()))
+
+
 def logs_of(robot, true, seed: int, gains, motions):
     """Return the logs of some motions at some gains."""
     time_ = np.arange(0.0, SECONDS, 1.0 / RATE)
@@ -144,6 +151,7 @@ def one(
         arm = drawn_arm(random, joints, LAW, folder)
         if not minutes:
             add_stiction(random, arm.true)
+            add_slew_limits(random, arm.true)
         robot, true, rate = arm.robot, arm.true, RATES[seed % len(RATES)]
         if is_single:
             poses = {kp: random.uniform(-0.8, 0.8, joints) for kp in gains_of(minutes)}

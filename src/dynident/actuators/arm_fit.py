@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.actuators.arm_coupling import Arm
-from dynident.actuators.arm_motion import relaxed
+from dynident.actuators.arm_motion import ALL_SWEEPS, SWEEPS, relaxed
 from dynident.actuators.joint_fit import JointFit, fit_again
 from dynident.actuators.joint_load import FINE_LOAD_STEP, divided, joint_loads, motion_at
 from dynident.actuators.parameters import PLACE
@@ -20,7 +20,7 @@ from dynident.arrays import Array
 LEAST_TURNS, MOST_TURNS, SETTLED = 2, 10, 0.2
 
 #: At most, before richer friction is sought, in some of the logs, and in all logs after that.
-FIRST_TURNS, SOME_TURNS, FEW_TURNS = 4, 6, 1
+FIRST_TURNS, SOME_TURNS, FEW_TURNS = 4, 6, 6
 
 #: Least and most share of a step of the zeros that is gone, and the share near the answer: derivatives by the zeros
 #: alone take the slowest mode of the arm for slower than it is.
@@ -80,13 +80,13 @@ def turned(arm: Arm, fits: Sequence[JointFit], finely: bool = False) -> Arm:
         fits: Of each joint.
         finely: Whether the new fits are by the step of the answer.
     """
-    used, motions = [fit.parameters for fit in fits], []
+    used, motions, sweeps = [fit.parameters for fit in fits], [], ALL_SWEEPS if finely else SWEEPS
     zeros, before = (np.array([own[PLACE["angle_offset"]] for own in each]) for each in (used, arm.used))
     for k, (robot, motion) in enumerate(zip(arm.robots, arm.motions, strict=True)):
         shifted = replace(motion, q=motion.q + zeros - before)
         records = [data.records[k].as_first_read for data in arm.datas]
         joints = list(zip(records, used, zeros.tolist(), strict=True))
-        motions.append(relaxed(robot, joints, arm.measured[k], shifted, arm.ends[k]))
+        motions.append(relaxed(robot, joints, arm.measured[k], shifted, arm.ends[k], sweeps))
     loads = [joint_loads(robot, motion) for robot, motion in zip(arm.robots, motions, strict=True)]
     datas = [data.under([load[joint] for load in loads]) for joint, data in enumerate(arm.datas)]
     datas = [data.started(own) for data, own in zip(datas, used, strict=True)]

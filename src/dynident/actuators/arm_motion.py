@@ -36,7 +36,7 @@ from dynident.arrays import Array
 from dynident.model.robot import Robot
 
 #: Passes over the joints in each turn, and where no turn follows.
-_SWEEPS, _ALL_SWEEPS = 2, 4
+SWEEPS, ALL_SWEEPS = 2, 4
 
 #: Passes over the joints of an arm that is let go, at most, and the change of an angle in rad at which they agree.
 _MOST_SWEEPS, _AGREED = 100, 1e-5
@@ -48,7 +48,7 @@ def relaxed(
     measured: MeasuredMotion,
     motion: ArmMotion,
     ends: Array,
-    sweeps: int = _SWEEPS,
+    sweeps: int = SWEEPS,
     is_free: bool = False,
 ) -> ArmMotion:
     """Return the motion of an arm in one log by the roll-outs of its joints, and what these leave, filtered.
@@ -138,7 +138,7 @@ def arm_loads(
     motion = replace(motion, q=motion.q + zeros)
     joints, own = list(zip(records, parameters, zeros, strict=True)), carrying(robot, log)
     if not is_free:
-        return joint_loads(own, relaxed(own, joints, measured, motion, ends, _ALL_SWEEPS))
+        return joint_loads(own, relaxed(own, joints, measured, motion, ends, ALL_SWEEPS))
     for _ in range(_MOST_SWEEPS):
         before, motion = motion, relaxed(own, joints, measured, motion, ends, 1, is_free=True)
         if np.abs(motion.q - before.q).max() < _AGREED:
