@@ -17,8 +17,10 @@ from dynident.errors import BadOption
 from dynident.identification.files.estimate_file import summary
 from dynident.identification.identify import identify
 from dynident.identification.problem.choices import Choices, FieldChoice
+from dynident.identification.problem.prior import natural_scale, prior_products
 from dynident.identification.selection.friction.held_out_fields import search_friction
 from dynident.identification.selection.friction.nested_fits import beyond, fit, without
+from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
@@ -314,3 +316,12 @@ def test_a_column_with_no_slow_rows_has_no_say_beyond_them(seed: int) -> None:
     summed = np.sum([np.outer(row, row) for row in w[fast]], axis=0)  # in another order than the whole
     fitted = fit(products, np.arange(4))
     assert beyond(fitted, without(products, summed), summed, np.arange(4), 1) == pytest.approx(expected, rel=1e-6)
+
+
+def test_what_is_compared_holds_the_bodies_within_their_size(spatial_3r: Robot) -> None:
+    model = DynamicModel(spatial_3r)
+    base, scale = base_parameters(model), natural_scale(model, np.full(3, 10.0), np.ones(3))
+    products, factor = prior_products(base, scale), base.matrix * scale.parameters
+    centre = np.append(base.from_standard(scale.prior), -1.0)
+    assert np.abs(products @ centre).max() < 1e-6 * np.abs(products * centre).max()
+    np.testing.assert_allclose(products[:-1, :-1] @ factor @ factor.T, np.eye(base.count), atol=1e-6)

@@ -8,6 +8,7 @@ import numpy as np
 
 from dynident.arrays import Array, frozen
 from dynident.errors import NotConsistent, UnknownChoice
+from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
 
@@ -145,3 +146,16 @@ def link_lengths(model: DynamicModel) -> Array:
             arms[joint.parent] = max(arms[joint.parent], away)
     typical = float(np.mean(arms)) or 0.1
     return np.maximum(arms, typical / 3)
+
+
+def prior_products(base: BaseParameters, scale: Scale) -> Array:
+    """Return [I, beta0]' P [I, beta0] of a prior of bodies alone that is one natural size wide, shape (b + 1, b + 1).
+
+    Free bodies do not stand for those of an estimate, which are held near the robot model's: what is left of the torque
+    for friction is another one where the rows do not tell them. P is the inverse of the covariance of base parameters.
+    """
+    factor = base.matrix * scale.parameters
+    size = np.sqrt(np.sum(factor**2, axis=1))
+    precision = np.linalg.inv(factor @ factor.T / np.outer(size, size)) / np.outer(size, size)
+    known = np.column_stack([np.eye(base.count), base.from_standard(scale.prior)])
+    return known.T @ precision @ known

@@ -19,6 +19,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.data.preprocessing._local_polynomials import fractional_shift
+from dynident.identification.problem.prior import natural_scale, prior_products
 from dynident.identification.problem.problem import counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.selection.friction.load import default_load
@@ -90,6 +91,7 @@ class ColumnPool:
         fast_rows: Number of them, shape (n,).
         views: Of each delay that is compared, which rows of the products are those of the columns and the torque,
             shape (c + 1,). The first is that of the logs as they are; the others have products of their own behind it.
+        bodies: Products of a prior of the bodies, shape (b + 1, b + 1).
     """
 
     parts: tuple[Friction, ...]
@@ -103,6 +105,7 @@ class ColumnPool:
     fast: tuple[Array, ...]
     fast_rows: IntArray
     views: tuple[IntArray, ...]
+    bodies: Array
 
     def weighted(self, weights: Array, fast: bool = False) -> Array:
         """Return the products of each block over all joints, their rows times the weights (n,): (B, c + 1, c + 1).
@@ -247,6 +250,7 @@ class PooledLogs:
             fast,
             np.sum([np.sum((log.block >= 0)[:, None] & log.mask & log.fast, axis=0) for log in self._logs], axis=0),
             tuple(views),
+            self._shared.bodies_known,
         )
 
     def _rows_of(self, parts: Sequence[Friction]) -> list[list[FrictionRows]]:
@@ -273,11 +277,9 @@ class PooledLogs:
         """Return what makes the rows of the friction of a model."""
         rigid = self._rigid
         independent = np.concatenate([rigid.independent, np.arange(whole.inertial_count, len(whole.parameters))])
-        count = len(independent)
-        unused = np.zeros((count, len(whole.parameters)))
-        base = BaseParameters(
-            whole.parameters, independent.astype(np.int64), unused, unused.astype(bool), np.ones(count)
-        )
+        unused = np.zeros((count := len(independent), len(whole.parameters)))
+        known = (independent.astype(np.int64), unused, unused.astype(bool), np.ones(count))
+        base = BaseParameters(whole.parameters, *known)
         start = None if self._start is None else np.append(self._start, np.zeros(count - rigid.count))
         return RegressorStream(whole, base, start, only="friction")
 
@@ -303,6 +305,14 @@ class SharedRows:
         """Rows of the bodies and the torque in each log, of each joint."""
         return [self.bodies.rows(log) for log in self.plain]
 
+    @cached_property
+    def bodies_known(self) -> Array:
+        """Products (b + 1, b + 1) of a prior of the bodies, whose rows count as rows that hang together do."""
+        pairs = [(np.asarray(log.log.torque), np.asarray(log.log.ddq)) for log in self.plain]
+        sizes = (np.sqrt(np.mean(np.concatenate(own) ** 2, axis=0)) for own in zip(*pairs, strict=True))
+        bands = [2.0 * (log.how.filter.bandwidth() or np.inf) * log.every / log.log.rate for log in self.plain]
+        return prior_products(self.bodies.base, natural_scale(self.bodies.model, *sizes)) / min(1.0, np.mean(bands))
+
     def under(self, logs: Sequence[Prepared]) -> list[Prepared]:
         """Return the logs with the delays of preprocessed ones."""
         pairs = zip(self.plain, logs, strict=True)
@@ -315,8 +325,7 @@ class SharedRows:
 
     def load(self, model: DynamicModel, logs: Sequence[Prepared]) -> Array:
         """Return the standard parameters (10 l,) whose torque loads the drives."""
-        if self._load is None:
-            self._load = default_load(model, logs)
+        self._load = default_load(model, logs) if self._load is None else self._load
         return self._load
 
 

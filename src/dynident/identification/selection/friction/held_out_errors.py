@@ -47,12 +47,15 @@ class WeighedRows:
         self.pool, self.weights, self.rows = pool, weights, pool.rows.sum(axis=1)
         self.held = pool.by_delay(pool.weighted(weights))
         self.wholes = [held.sum(axis=0) for held in self.held]
+        known = np.append(np.arange(len(pool.bodies) - 1), -1)
+        self.bodies = np.zeros_like(self.wholes[0])
+        self.bodies[known[:, None], known] = pool.bodies
         self._blocks: dict[int, NestedFits] = {}
 
     @cached_property
     def all(self) -> list[NestedFits]:
         """The fits of all rows, for each delay."""
-        return [NestedFits(whole[None], whole[None], self.pool.shared) for whole in self.wholes]
+        return [NestedFits((whole + self.bodies)[None], whole[None], self.pool.shared) for whole in self.wholes]
 
     @cached_property
     def fast(self) -> list[tuple[Array, Array]]:
@@ -64,7 +67,7 @@ class WeighedRows:
         """Return the fits that leave out one block each, judged on it, with one of the delays."""
         if view not in self._blocks:
             rest = without(self.wholes[view], self.held[view])
-            self._blocks[view] = NestedFits(rest, self.held[view], self.pool.shared)
+            self._blocks[view] = NestedFits(rest + self.bodies, self.held[view], self.pool.shared)
         return self._blocks[view]
 
 
