@@ -31,7 +31,7 @@ def show(verdict: Verdict) -> None:
 def show_nominal(estimate: Estimate, test: Validation | None) -> None:
     """Print the errors and bodies of the robot model beside those identified."""
     from dynident.cli import console
-    from dynident.results.nominal import errors_table, link_changes, links_table, missing_reason
+    from dynident.results.nominal import MEANINGS, errors_table, link_changes, links_table, missing_reason
 
     for title, validation in (("training data", estimate.train), ("test data", test)):
         if validation is not None and validation.nominal is not None and (test is None or validation is test):
@@ -40,7 +40,7 @@ def show_nominal(estimate: Estimate, test: Validation | None) -> None:
     changes = link_changes(estimate)
     console.answer()
     if changes:
-        console.answer_table(links_table(changes), "links beside the robot model")
+        console.answer_table(links_table(changes), f"links beside the robot model; the mass is {MEANINGS}")
     else:
         console.answer(missing_reason(estimate))
 

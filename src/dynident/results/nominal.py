@@ -7,10 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.model.inertia import Inertia
 from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label
+
+#: Signs of what a parameter of an estimate stands on, and what they mean.
+SIGNS = {IDENTIFIED: "●", ONLY_COMBINED: "◐", FROM_PRIOR: "○"}
+MEANINGS = ", ".join(f"{sign} {word}" for word, sign in SIGNS.items())
+
+#: Parameters of a link, the mass the last of them.
+TEN = 10
 
 #: What is said where nothing can be compared.
 NO_INERTIAS = "the robot model states no inertias for every link: no nominal parameters to compare with"
@@ -26,12 +34,15 @@ class LinkChange:
         mass: In kg, nominal and identified.
         centre: Centre of mass in the link's frame, in m, three numbers each.
         inertia: About the centre of mass in axes of the link's frame: xx, yy, zz, xy, xz, yz in kg m^2.
+        mass_is: What the mass of the estimate stands on, a word of
+            :mod:`dynident.identification.consistency.labels`.
     """
 
     link: str
     mass: tuple[float, float]
     centre: tuple[tuple[float, ...], tuple[float, ...]]
     inertia: tuple[tuple[float, ...], tuple[float, ...]]
+    mass_is: str
 
     @property
     def mass_change(self) -> float:
@@ -54,7 +65,7 @@ class LinkChange:
         """Return the bodies and their change as plain data; a number that does not exist is None."""
         changes = {key: getattr(self, key) for key in ("mass_change", "centre_shift", "inertia_change")}
         pairs = {
-            "mass": {"nominal": self.mass[0], "identified": self.mass[1]},
+            "mass": {"nominal": self.mass[0], "identified": self.mass[1], "is": self.mass_is},
             "centre": {"nominal": list(self.centre[0]), "identified": list(self.centre[1])},
             "inertia": {"nominal": list(self.inertia[0]), "identified": list(self.inertia[1])},
         }
@@ -67,18 +78,19 @@ def link_changes(estimate: Estimate) -> tuple[LinkChange, ...]:
     if robot.nominal is None or estimate.theta is None:
         return ()
     before, after = (
-        np.asarray(theta)[: 10 * len(robot.links)].reshape(-1, 10) for theta in (robot.nominal, estimate.theta)
+        np.asarray(theta)[: TEN * len(robot.links)].reshape(-1, TEN) for theta in (robot.nominal, estimate.theta)
     )
-    return tuple(_change(link.name, *pair) for link, *pair in zip(robot.links, before, after, strict=True))
+    words = [each.word for each in labels_of(estimate)[TEN - 1 : TEN * len(robot.links) : TEN]]
+    return tuple(_change(link.name, *each) for link, *each in zip(robot.links, before, after, words, strict=True))
 
 
-def _change(name: str, nominal: np.ndarray, identified: np.ndarray) -> LinkChange:
+def _change(name: str, nominal: np.ndarray, identified: np.ndarray, mass_is: str) -> LinkChange:
     bodies = [Inertia.from_vector(row) for row in (nominal, identified)]
     about = [np.asarray(body.about_centre) if body.mass > 0 else np.zeros((3, 3)) for body in bodies]
     centres = [body.centre_of_mass if body.mass > 0 else np.zeros(3) for body in bodies]
     first, second = (tuple(map(float, (a[0, 0], a[1, 1], a[2, 2], a[0, 1], a[0, 2], a[1, 2]))) for a in about)
     here, there = (tuple(map(float, centre)) for centre in centres)
-    return LinkChange(name, (bodies[0].mass, bodies[1].mass), (here, there), (first, second))
+    return LinkChange(name, (bodies[0].mass, bodies[1].mass), (here, there), (first, second), mass_is)
 
 
 def links_table(changes: tuple[LinkChange, ...]) -> Table:
@@ -86,8 +98,8 @@ def links_table(changes: tuple[LinkChange, ...]) -> Table:
     columns = (
         Column("link"),
         Column("nominal mass", "kg", numeric=True),
-        Column("identified", "kg", numeric=True),
-        Column("change", "%", numeric=True),
+        Column("estimate", "kg", numeric=True),
+        Column("is"),
         Column("centre moved", "mm", numeric=True),
         Column("inertia", "%", numeric=True),
     )
@@ -95,17 +107,17 @@ def links_table(changes: tuple[LinkChange, ...]) -> Table:
         (
             label(each.link),
             *(format_number(mass, 3) for mass in each.mass),
-            _signed(each.mass_change),
+            SIGNS[each.mass_is],
             format_number(1e3 * each.centre_shift, 3),
             _signed(each.inertia_change),
         )
         for each in changes
     )
-    return Table(columns, rows, "inertia: change of the trace about the centre of mass")
+    return Table(columns, rows, f"mass is {MEANINGS}; inertia: change of the trace about the centre of mass")
 
 
 def bodies_table(changes: tuple[LinkChange, ...]) -> Table:
-    """Return the bodies of the links in full, two rows a link: nominal, then identified."""
+    """Return the bodies of the links in full, two rows a link: nominal, then estimate."""
     axes = ("xx", "yy", "zz", "xy", "xz", "yz")
     columns = (
         Column("link"),
@@ -121,7 +133,7 @@ def bodies_table(changes: tuple[LinkChange, ...]) -> Table:
             *(_figure(value) for value in (each.mass[k], *each.centre[k], *each.inertia[k])),
         )
         for each in changes
-        for k, word in enumerate(("nominal", "identified"))
+        for k, word in enumerate(("nominal", "estimate"))
     ]
     return Table(columns, tuple(rows))
 

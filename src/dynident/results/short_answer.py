@@ -89,7 +89,7 @@ def bodies_line(estimate: Estimate) -> str:
     before, after = (format_number(mass, 3) for mass in furthest.mass)
     totals = [sum(each.mass[k] for each in changes) for k in (0, 1)]
     whole = f"{format_number(totals[1], 3)} kg in all, {format_number(totals[0], 3)} in the robot model"
-    return f"{line}; {whole}; furthest: {label(furthest.link)} {after} kg for {before}"
+    return f"{line}; {whole}; furthest: {label(furthest.link)} {after} kg for {before} ({furthest.mass_is})"
 
 
 def parameters_line(estimate: Estimate) -> str:

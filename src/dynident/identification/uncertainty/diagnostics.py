@@ -105,7 +105,7 @@ class Diagnostics:
     def verdicts(self) -> tuple[str, ...]:
         """Return the results of the tests, one sentence each."""
         share = self.effective_rows / max(self.rows, 1)
-        said = [f"effective sample size {self.effective_rows:.0f} of {self.rows} samples ({100 * share:.2g} %)"]
+        said = [f"effective sample size {self.effective_rows:.0f} of {self.rows} torque values ({100 * share:.2g} %)"]
         said.append(
             _of_joints(
                 self.whiteness, self.joints, "residuals are white (before the filter)", "residuals are autocorrelated"

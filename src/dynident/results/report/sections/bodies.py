@@ -9,17 +9,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
+from dynident.identification.consistency.labels import labels_of
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import TEN_UNITS
+from dynident.results.nominal import SIGNS
 from dynident.results.plausibility import range_end
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import Column, format_number, format_value, label, line_up, pretty_unit
-
-#: Sign of each label, from the best to the worst.
-SIGNS = {IDENTIFIED: "●", ONLY_COMBINED: "◐", FROM_PRIOR: "○"}
 
 _RANK = list(SIGNS)
 
