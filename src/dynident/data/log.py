@@ -158,7 +158,7 @@ def smallest_step(column: Array) -> float:
     Levels are values that occur many times over, or lie on equal steps of which many are taken; rounded text has few.
     """
     gaps = np.diff(levels := np.unique(column))
-    step = float(np.quantile(gaps, 0.1)) if len(gaps) else 0.0
+    step = float(np.quantile(gaps, 0.1, method="lower")) if len(gaps) else 0.0
     if not step or len(levels) <= len(column) / 4:
         return step
     counts = np.round(gaps / step)

@@ -111,9 +111,11 @@ class FitErrors:
             doubt += smooth**2 / freedom
             together += factor * squares
             independent += squares
+        if not independent:
+            return 1.0  # the coefficient of a column of zeros
         freedom = min(with_error**2 / max(doubt, 1e-300), MANY)
         student = float(student_quantile(0.975, freedom) / student_quantile(0.975, MANY))
-        return max(with_error * student**2, together) / max(independent, 1e-300)
+        return max(with_error * student**2, together) / independent
 
 
 def _root_of_inverse(columns: Sequence[Array]) -> Array:

@@ -173,7 +173,7 @@ def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     wanted = gravity + size * lean @ across
     wanted *= size / np.linalg.norm(wanted)
     angle = np.degrees(np.arctan(np.linalg.norm(lean)))
-    spread = np.degrees(np.linalg.norm(blame.half_widths[:2]))
+    spread = np.degrees(np.linalg.norm(blame.half_widths[:2][lean != 0.0]))  # a planar arm tells one of the two
     text = ", ".join(f"{value + 0.0:.4g}" for value in wanted)
     evidence = f"the base is tilted by {angle:.2g} +- {spread:.2g} degrees against the stated gravity"
     return evidence, f"level the base, or state its tilt (gravity: [{text}])"
