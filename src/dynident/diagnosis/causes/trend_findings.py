@@ -25,6 +25,9 @@ FAR_SCALE = 0.5
 #: Half the change of the squared speed of a clock from which it is not told.
 FAR_CLOCK = 0.25
 
+#: Half-width of the interval of a figure as a share of it up to which it is a warning.
+NARROW = 0.5
+
 #: Standard deviations of half a 95 % interval.
 Z95 = 1.96
 
@@ -70,7 +73,10 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     """Return what is said of a cause."""
     evidence, remedy = _TEXTS[blame.cause.name](blame, fit)
     large = _size(blame) > (MATTERS if blame.cause.joint else MATTERS_ALL)
-    sure = bool(np.any(np.abs(blame.values) > blame.half_widths))
+    values, halves = np.abs(blame.values), blame.half_widths
+    if blame.cause.name == "counterbalance":
+        values, halves = np.hsplit(np.array(_wave(blame)[:2]), 2)
+    sure = bool(np.any(NARROW * values > halves))
     grave = blame.share > EXPLAINED and large and sure and blame.cause.name != "friction curve"
     severity: Severity = "warning" if grave else "note"
     of = "its torque" if blame.cause.joint else "all torques"

@@ -11,7 +11,7 @@ import numpy as np
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import AgainstBodies, KnownBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.quick_fit import asks_inertia
-from dynident.diagnosis.causes.trend_findings import TRENDS, Z95, believed, trend_finding
+from dynident.diagnosis.causes.trend_findings import NARROW, TRENDS, Z95, believed, trend_finding
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
@@ -19,9 +19,6 @@ from dynident.diagnosis.finding import Finding, Severity
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
 #: figure, in which the errors of the known bodies count, from which it is one and from which it is told.
 MATTERS, SURE, TOLD = 0.1, 5.0, 2.0
-
-#: Half-width of the interval of a load as a share of its mass up to which it is a warning.
-NARROW = 0.5
 
 
 @dataclass(frozen=True)
