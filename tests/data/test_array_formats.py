@@ -123,7 +123,7 @@ def test_a_null_is_named_by_its_row(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     values = [float(k) for k in range(N)]
     pq.write_table(pa.table({"t": values, "q1": [*values[:20], None, *values[21:]], "tau1": values}), path)
-    with pytest.raises(LogFormatError, match="row 21: column 'q1' holds nan"):
+    with pytest.raises(LogFormatError, match="row 21: column 'q1' holds no number"):
         read_log(path)
 
 

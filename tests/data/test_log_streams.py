@@ -111,7 +111,7 @@ def test_text_with_comments_and_blank_lines_and_decimal_commas(tmp_path: Path) -
 
 FAULTS = {
     "word": ((500, 1, "oops"), "q1' holds 'oops', which is not a number"),
-    "empty": ((701, 2, ""), "'tau1' is empty"),
+    "empty": ((701, 2, ""), "column 'tau1' holds no number"),
     "infinite": ((702, 2, "inf"), "column 'tau1' holds inf"),
     "back": ((640, 0, "0.0"), "runs back"),
 }

@@ -179,7 +179,7 @@ class TextTable(LogTable):
         if NUMBER.fullmatch(plain) and not (self.decimal == "," and "." in cell):
             return float(plain)
         if not cell:
-            raise LogFormatError(self.path, line, f"column '{shown(name)}' is empty", "fill it or leave the row out")
+            return float("nan")
         evidence = f"column '{shown(name)}' holds '{shown(cell)}', which is not a number"
         if self.decimal == "." and _DECIMAL_COMMA.fullmatch(cell):
             raise LogFormatError(self.path, line, evidence, 'if the commas are decimal signs, declare decimal: ","')
