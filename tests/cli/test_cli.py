@@ -286,7 +286,7 @@ def test_from_estimate_to_validation_and_report(capsys: Capture, tmp_path: Path)
     saved, page = str(tmp_path / "e.json"), tmp_path / "r.html"
     words = ["identify", "arm.json", "run.csv", "-o", saved, "--report", str(page), "--test", "other.csv"]
     assert main(words) == 0
-    assert f"saved {saved}; next: dynident validate {saved} other-run.csv" in capsys.readouterr().err
+    assert f"saved {saved}; next: dynident export {saved} --to urdf" in capsys.readouterr().err
     assert page.read_text().startswith("<!") and "http" not in _sources(page.read_text())
     fresh = answered_json(capsys, "identify", "arm.json", "run.csv", "--test", "other.csv")
     data = answered_json(capsys, "validate", saved, "other.csv")

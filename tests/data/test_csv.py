@@ -200,10 +200,13 @@ FAULTS = [
         edited(4, "0.02,1,x2,3,4"),
         "4: column 'q2' holds 'x2', which is not a number; correct the cell",
     ),
-    (edited(4, "0.02,1,,3,4"), "4: column 'q2' holds no number; repair the recording or leave these rows out"),
+    (
+        edited(4, "0.02,1,,3,4"),
+        "4: column 'q2' holds no number (blank or nan); repair the recording or leave these rows out",
+    ),
     (
         edited(4, "0.02,1,nan,3,4"),
-        "4: column 'q2' holds no number; repair the recording or leave these rows out",
+        "4: column 'q2' holds no number (blank or nan); repair the recording or leave these rows out",
     ),
     (
         [*edited(4, "0.02,1,2,inf,nan"), "# note", "0.5,nan,2,3,4"],

@@ -146,7 +146,10 @@ def run(options: argparse.Namespace) -> int:
     else:
         verdicts.show_short(estimate, test, verdict)
     if options.output:
-        console.remark(f"saved {options.output}; next: dynident validate {options.output} other-run.csv", options.quiet)
+        step = f"next: dynident validate {options.output} other-run.csv"
+        if test is not None or verdict.causes:
+            step = verdicts.next_step(options.output, estimate, verdict)
+        console.remark(f"saved {options.output}; {step}", options.quiet)
     return verdict.code
 
 

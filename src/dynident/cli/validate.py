@@ -91,21 +91,8 @@ def run(options: argparse.Namespace) -> int:
         verdicts.show_short(estimate, test, verdict)
         for name in optimistic:
             console.answer(f"warning: {name}")
-    console.remark(_next_step(options.estimate, estimate, verdict), options.quiet)
+    console.remark(verdicts.next_step(options.estimate, estimate, verdict), options.quiet)
     return verdict.code
-
-
-def _next_step(place: str, estimate: Estimate, verdict: Verdict) -> str:
-    """Return what to do with an estimate that has this verdict on test logs."""
-    from dynident.exports.models import own_target
-
-    if verdict.causes:
-        return "next: correct the cause, and dynident identify again"
-    if verdict.code:
-        return "next: see where it errs (--full), record what is missing (dynident excite), and dynident identify again"
-    target = own_target(estimate)
-    lost = " --description FILE" if target.is_lost else ""
-    return f"next: dynident export {place} --to {target.name} -o identified{target.ending}{lost}"
 
 
 def _show(estimate: Estimate, test: Validation, verdict: Verdict, warnings: Sequence[str]) -> None:

@@ -89,3 +89,16 @@ def show_short(
     for line in () if verdict.causes else short_answer.warning_lines(warnings_of(estimate, test), console.line_width()):
         console.answer(line)
     console.answer(f"all tables: {more}")
+
+
+def next_step(place: str, estimate: Estimate, verdict: Verdict) -> str:
+    """Return what to do with an estimate that has this verdict on test logs."""
+    from dynident.exports.models import own_target
+
+    if verdict.causes:
+        return "next: correct the cause, and dynident identify again"
+    if verdict.code:
+        return "next: see where it errs (--full), record what is missing (dynident excite), and dynident identify again"
+    target = own_target(estimate)
+    lost = " --description FILE" if target.is_lost else ""
+    return f"next: dynident export {place} --to {target.name} -o identified{target.ending}{lost}"

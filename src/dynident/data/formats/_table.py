@@ -178,7 +178,7 @@ class Checked:
             row = int(np.argmax(bad.any(axis=1)))
             column = int(np.argmax(bad[row]))
             many = f" ({bad.sum()} such cells in {bad.any(axis=1).sum()} rows)" if bad.sum() > 1 else ""
-            cell = "no number" if np.isnan(values[row, column]) else f"{values[row, column]:g}"
+            cell = "no number (blank or nan)" if np.isnan(values[row, column]) else f"{values[row, column]:g}"
             evidence = f"column '{shown(self._names[column])}' holds {cell}{many}"
             raise self._table.fault(self.rows + row, evidence, "repair the recording or leave these rows out")
 

@@ -58,10 +58,14 @@ def _one_joint(subject: CheckedLog, found: Sequence[JointScale]) -> list[Finding
 
 
 def _interval(scale: JointScale) -> str:
-    """Return the factor, with its interval where it is wider than what is printed."""
+    """Return the factor with its interval, in digits that tell the ends apart; the interval alone where it is wide."""
     if scale.is_open:
         return f"{scale.low:.3g} to {scale.high:.3g} (95 %)" if np.isfinite(scale.high) else f"{scale.low:.3g} or more"
-    return f"{scale.factor:.3g} ({scale.low:.3g} to {scale.high:.3g}, 95 %)"
+    for digits in (3, 4, 5):
+        low, high = (f"{end:.{digits}g}" for end in (scale.low, scale.high))
+        if low != high:
+            break
+    return f"{scale.factor:.{digits}g} ({low} to {high}, 95 %)"
 
 
 def _open_scales(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
