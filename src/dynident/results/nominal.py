@@ -99,7 +99,7 @@ def links_table(changes: tuple[LinkChange, ...]) -> Table:
         Column("link"),
         Column("nominal mass", "kg", numeric=True),
         Column("estimate", "kg", numeric=True),
-        Column("is"),
+        Column("mass is"),
         Column("centre moved", "mm", numeric=True),
         Column("inertia", "%", numeric=True),
     )

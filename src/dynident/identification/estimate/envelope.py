@@ -93,11 +93,10 @@ class Departure:
                 seen = f"{envelope.low[k, worst]:.3g} to {envelope.high[k, worst]:.3g}"
                 count = f"{len(left)} joint{'s' if len(left) > 1 else ''}"
                 parts.append(f"{name} of {count} ({self.joints[worst]} {ours}, in training {seen})")
-        far = f"{100 * self.far:.0f} % of its samples are further from the mean than any training sample"
         top = int(np.argmax(self.growth))
         growth = f"the predicted torque of {self.joints[top]} has {self.growth[top]:.2g} times the training variance"
         advice = "the test error does not hold for the training motions; include such motions in identification"
-        return f"extrapolation beyond the training range: {'; '.join(parts)}; {far}; {growth}: {advice}"
+        return f"extrapolation beyond the training range: {'; '.join(parts)}; {growth}: {advice}"
 
     def figures(self) -> dict[str, Any]:
         """Return the departure as plain data, fractions for shares."""
