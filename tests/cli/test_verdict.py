@@ -116,19 +116,37 @@ def test_a_fault_leaves_an_estimate_that_is_not_accepted(
         export_model(estimate, "csv", "other.csv")
 
 
+@pytest.mark.parametrize("mean", [0.0, 20.0])
 def test_a_fit_of_nothing_is_not_accepted(
-    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+    mean: float, spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Torques that have nothing to do with the motion, whether the log checks are made or not."""
+    """Torques that have nothing to do with the motion but their mean."""
     noise = np.random.default_rng(7)
-    recorded(spatial_3r, lambda log: replace(log, torque=noise.normal(size=np.shape(log.torque))))
+    recorded(spatial_3r, lambda log: replace(log, torque=mean + noise.normal(size=np.shape(log.torque))))
     assert main(["identify", "case.yaml", "run.csv", "-o", "e.json", "--no-check", *QUICK]) == 4
     shown = capsys.readouterr().out.splitlines()
     assert shown[0].startswith("NOT ACCEPTED: it explains next to nothing of its own data")
-    assert shown[1].startswith("error: the estimate: nothing explained: the torque error is ")
+    assert shown[1].startswith("error: the estimate: nothing explained: at 3 of 3 joints ")
     assert not [line for line in shown if line.startswith("links:")]
     assert main(["export", "e.json", "--to", "csv", "-o", "out.csv", "--quiet"]) == 1
     assert "nothing explained" in capsys.readouterr().err and not Path("out.csv").exists()
+
+
+def test_rows_far_out_that_a_robust_fit_leaves_out_do_not_speak_against_it(
+    spatial_3r: Robot, recorded: Recorded
+) -> None:
+    def spiked(log: Log) -> Log:
+        torque = np.array(log.torque)
+        torque[100:1100:100, 1] += 3e3 * torque[:, 1].std()
+        return replace(log, torque=torque)
+
+    recorded(spatial_3r, spiked)
+    case = dynident.read_case("case.yaml")
+    estimate = dynident.identify(
+        case.model, [case.read("run.csv")], "huber", case.preprocessing, record=Record(checks=False)
+    )
+    assert estimate.train.total_relative_error > 0.9
+    assert not [one for one in dynident.verdict_of(estimate).causes if one.name == "nothing explained"]
 
 
 @pytest.mark.parametrize("robot", ["sliding_arm", "scara", pytest.param("planar_3r", marks=pytest.mark.battery)])

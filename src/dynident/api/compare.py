@@ -10,6 +10,7 @@ from dynident.api.case_options import cut, estimator_of, prior_of
 from dynident.api.given_logs import case_of
 from dynident.api.log_checks import check_logs, refuse_faulty, warn_of
 from dynident.case.case import Case
+from dynident.diagnosis.verdict import errors_in
 from dynident.errors import BadArgument, BadOption
 from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimators import ESTIMATORS
@@ -56,7 +57,7 @@ def compare(
     if checks:
         quality = check_logs(case, data.train, progress)
         refuse_faulty(quality, strict)
-        warn_of(quality)
+        warn_of(errors_in(quality))
     contest = contest_of_case(case, data, truth=truth, progress=progress)
     yield from compare_methods(contest, methods, progress=progress)
 

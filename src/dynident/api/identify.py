@@ -15,6 +15,7 @@ from dynident.case.case import Case
 from dynident.case.mesh_bounds import with_mesh_points
 from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import Preprocessing
+from dynident.diagnosis.verdict import causes_against
 from dynident.errors import BadOption, DynidentError
 from dynident.files import sha256_of
 from dynident.identification.build_problem import PriorKnowledge
@@ -80,8 +81,7 @@ def identify(
     Raises:
         BadArgument: An argument of a wrong kind or shape; the message has the line that works.
         BadOption: A model without logs, one fold, or too few draws.
-        NotAccepted: The unit of the time or a column of a log makes no sense, or with ``strict`` any finding at error
-            level.
+        NotAccepted: The unit of the time or a column makes no sense, or with ``strict`` any finding at error level.
         ContradictoryConstraints: No robot meets the constraints.
         LogMismatch: A log does not fit the robot, or is too short.
         PoorExcitation: The logs do not determine all base parameters.
@@ -103,14 +103,21 @@ def identify(
     if record.checks:
         provenance["log_quality"] = check_logs(case, logs, progress)
         refuse_faulty(provenance["log_quality"], record.strict)
-        warn_of(provenance["log_quality"], record.command)
     known: dict[str, Any] = {"choose_friction": case.choose_friction, "knowledge": knowledge, "trust": trust}
     try:
         estimate = identify_model(case.model, logs, part, case.preprocessing, progress=progress, **known)
     except DynidentError as error:
         add_causes(error, provenance.get("log_quality", ()))
         raise
-    return replace(estimate, columns=record.columns or case.columns, provenance={**estimate.provenance, **provenance})
+    estimate = _recorded(estimate, case, record, provenance)
+    warn_of(causes_against(estimate), record.command)
+    return estimate
+
+
+def _recorded(estimate: Estimate, case: Case, record: Record, provenance: Mapping[str, Any]) -> Estimate:
+    """Return an estimate with how its logs were read and what is kept beside it."""
+    columns = record.columns or case.columns
+    return replace(estimate, columns=columns, provenance={**estimate.provenance, **provenance})
 
 
 def _with_meshes(case: Case, provenance: dict[str, Any]) -> Case:

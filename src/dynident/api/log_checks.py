@@ -10,7 +10,7 @@ from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
 from dynident.data.log import Log
 from dynident.data.preprocessing import default_preprocessing
-from dynident.diagnosis.verdict import SUSPECT, errors_in
+from dynident.diagnosis.verdict import SUSPECT, ErrorFinding, errors_in
 from dynident.errors import DynidentError, NotAccepted
 from dynident.model.dynamic_model import DynamicModel
 
@@ -91,12 +91,12 @@ def refuse_faulty(quality: Sequence[Mapping[str, Any]], strict: bool = False) ->
             raise NotAccepted(cause.log, f"{cause.title}: {cause.evidence}", cause.remedy)
 
 
-def warn_of(quality: Sequence[Mapping[str, Any]], command: str = "") -> None:
+def warn_of(causes: Sequence[ErrorFinding], command: str = "") -> None:
     """Give a Python warning, at the line that called the verb, for each finding at error level.
 
     None where a command was typed: it shows the verdict.
     """
-    for cause in () if command else errors_in(quality):
+    for cause in () if command else causes:
         warnings.warn(f"not accepted: {cause}", stacklevel=3)
 
 

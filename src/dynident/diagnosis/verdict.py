@@ -18,7 +18,7 @@ from dynident.identification.estimate.validation import Z_95, Validation
 
 ACCEPTED, NOT_ACCEPTED, NOT_MET, NO_CRITERIA = "accepted", "not accepted", "criteria not met", "no criteria"
 
-#: Relative torque error on the data of the fit from which an estimate is worth no more than none.
+#: Share of the torque's variation at a joint that is left of it from which the joint is not explained.
 WORTHLESS = 0.9
 
 #: What a finding is about that is of a fit and of no log.
@@ -160,10 +160,15 @@ def causes_against(estimate: Estimate, quality: Sequence[Mapping[str, Any]] | No
         quality: What the checks found in the logs of the fit; None for what its provenance has.
     """
     found = errors_in((quality_of(estimate) if quality is None else quality) or ())
-    error = estimate.train.total_relative_error
-    if not error > WORTHLESS:
+    left = np.sqrt([1.0 - joint.r2 for joint in estimate.train.joints if np.isfinite(joint.r2)])
+    poor = int(np.count_nonzero(left > WORTHLESS))
+    if poor <= len(left) / 2:  # a few rows far out are those of some joints
         return found
-    evidence = f"the torque error is {100 * error:.0f} % of the torque on the data of the fit, about that of no model"
+    least = 100 * float(np.min(left[left > WORTHLESS]))
+    evidence = (
+        f"at {poor} of {len(left)} joints {least:.0f} % or more of the torque's variation is left on the data of the "
+        "fit, about as much as of a constant torque"
+    )
     remedy = "check columns, signs, units, gains and coupling"
     return (*found, ErrorFinding(OF_FIT, "nothing explained", "", evidence, remedy))
 

@@ -18,7 +18,7 @@ SIGNS = {IDENTIFIED: "●", ONLY_COMBINED: "◐", FROM_PRIOR: "○"}
 MEANINGS = ", ".join(f"{sign} {word}" for word, sign in SIGNS.items())
 
 #: Parameters of a link, the mass the last of them.
-TEN = 10
+_PER_LINK = 10
 
 #: What is said where nothing can be compared.
 NO_INERTIAS = "the robot model states no inertias for every link: no nominal parameters to compare with"
@@ -77,11 +77,11 @@ def link_changes(estimate: Estimate) -> tuple[LinkChange, ...]:
     robot = estimate.model.robot
     if robot.nominal is None or estimate.theta is None:
         return ()
-    before, after = (
-        np.asarray(theta)[: TEN * len(robot.links)].reshape(-1, TEN) for theta in (robot.nominal, estimate.theta)
-    )
-    words = [each.word for each in labels_of(estimate)[TEN - 1 : TEN * len(robot.links) : TEN]]
-    return tuple(_change(link.name, *each) for link, *each in zip(robot.links, before, after, words, strict=True))
+    end = _PER_LINK * len(robot.links)
+    before, after = (np.asarray(theta)[:end].reshape(-1, _PER_LINK) for theta in (robot.nominal, estimate.theta))
+    words = [each.word for each in labels_of(estimate)[_PER_LINK - 1 : end : _PER_LINK]]
+    each = zip(robot.links, before, after, words, strict=True)
+    return tuple(_change(link.name, nominal, found, word) for link, nominal, found, word in each)
 
 
 def _change(name: str, nominal: np.ndarray, identified: np.ndarray, mass_is: str) -> LinkChange:

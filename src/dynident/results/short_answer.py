@@ -85,10 +85,13 @@ def bodies_line(estimate: Estimate) -> str:
     changes = [each for each in link_changes(estimate) if min(each.mass) > 0]
     if not changes:
         return line
-    furthest = max(changes, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
-    before, after = (format_number(mass, 3) for mass in furthest.mass)
+    told = [each for each in changes if each.mass_is != FROM_PRIOR]
     totals = [sum(each.mass[k] for each in changes) for k in (0, 1)]
     whole = f"{format_number(totals[1], 3)} kg in all, {format_number(totals[0], 3)} in the robot model"
+    if not told:
+        return f"{line}; {whole}"
+    furthest = max(told, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
+    before, after = (format_number(mass, 3) for mass in furthest.mass)
     return f"{line}; {whole}; furthest: {label(furthest.link)} {after} kg for {before} ({furthest.mass_is})"
 
 

@@ -45,11 +45,15 @@ class KnownBodiesCheck(Check):
 
 def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: str) -> list[Finding]:
     against = AgainstBodies(trends, known)
+    told = {(one.cause.name, one.cause.joint) for one in trends.blames if one.cause.name in ("time scale", "tilt")}
     return [
         _finding(each, None if each is blame else blame, against, words)
         for blame in against.search.blames()
         for each in (blame, *blame.rivals)
-        if each.cause.name not in subject.described and believed(each) is not None and _sureness(each) > TOLD
+        if (each.cause.name, each.cause.joint) not in told  # of which the free bodies give the better figure
+        and each.cause.name not in subject.described
+        and believed(each) is not None
+        and _sureness(each) > TOLD
     ]
 
 
