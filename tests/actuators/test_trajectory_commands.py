@@ -167,6 +167,49 @@ def test_a_message_takes_the_place_of_the_one_before(from_command: bool, begin: 
     np.testing.assert_allclose(found[30:], 0.0 if from_command else 0.4, atol=1e-12)  # no points: hold
 
 
+def test_an_open_loop_goes_on_with_the_velocity_of_the_command() -> None:
+    """The second message comes half way through a cubic spline, where the command moves at 1.5 rad/s."""
+    time, q = np.linspace(0.0, 2.0, 21), np.zeros(21)
+    still = np.zeros(21)
+    found = commanded(time, q, still, [(0.0, [(1.0, 1.0, 0.0)]), (0.5, [(1.0, 0.5, 0.0)])], from_command=True)
+    share = time[5:16] - 0.5
+    np.testing.assert_allclose(found[5:16], 0.5 + 1.5 * (share - 2 * share**2 + share**3), atol=1e-3)
+
+
+def test_the_states_of_a_gripper_may_share_the_topic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def of_gripper(types: Any, header: Any, _: int) -> Any:
+        return types[STATE](header, ["finger"], np.array([0.01]), np.zeros(0), np.zeros(0))
+
+    rows: list[tuple[float, str, Message]] = [(0.05, "/joint_states", of_gripper)]
+    rows += [(0.1 * k, "/joint_states", state(0.1 * k)) for k in range(1, 30)]
+    record({"/joint_states": STATE, "/a": GOAL}, [*rows, (0.5, "/a", goal((1.0, 0.2)))])
+    table = FORMATS.make("trajectory", {}).open("run.mcap")
+    assert {"joint1.position", "joint1.command"} <= set(table.header)
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [((), "has a point without position of joint1"), ((float("nan"),), "asks joint1 for no number")],
+)
+def test_a_point_that_asks_for_no_position_is_refused(
+    values: tuple[float, ...], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def asked(types: Any, header: Any, _: int) -> Any:
+        whole = types["builtin_interfaces/msg/Duration"](1, 0)
+        lists = [np.array(values), np.array([0.3]), np.zeros(0), np.zeros(0)]
+        own = types["trajectory_msgs/msg/JointTrajectoryPoint"](*lists, whole)
+        return types[GOAL](header, ["joint1"], [own])
+
+    rows: list[tuple[float, str, Message]] = [(0.1 * k, "/joint_states", state(0.0)) for k in range(20)]
+    record({"/joint_states": STATE, "/a": GOAL}, [*rows, (0.5, "/a", asked)])
+    with pytest.raises(LogFormatError, match=told):
+        FORMATS.make("trajectory", {}).open("run.mcap")
+
+
 @pytest.mark.parametrize(
     ("kinds", "made", "told"),
     [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
@@ -23,6 +23,9 @@ from dynident.errors import BadOption, LogFormatError, UnknownChoice
 
 #: Types of the messages.
 STATE, TRAJECTORY = "sensor_msgs/msg/JointState", "trajectory_msgs/msg/JointTrajectory"
+
+#: Time in s over which the velocity of a command is told.
+_MOMENT = 1e-4
 
 #: Position, velocity and acceleration of a joint at a point of a trajectory.
 _POINT = re.compile(r"(.+)\.points\[(\d+)\]\.(positions|velocities|accelerations)")
@@ -91,7 +94,11 @@ def _columns(source: BagSource, states: str, commands: str, from_command: bool) 
         (goals if topic == commands else rows).append((received, numbers))
     is_stamped = all(numbers.stamp for _, numbers in goals + rows)
     goals, rows = ([((n.stamp or 0) if is_stamped else r, n) for r, n in each] for each in (goals, rows))
-    layout = rows[0][1].layout if rows else ()
+    orders = [(stamp, _goal(source.path, commands, n)) for stamp, n in sorted(goals, key=itemgetter(0))]
+    joints = list(dict.fromkeys(name for _, goal in orders for name in goal))
+    layout = max(
+        dict.fromkeys(n.layout for _, n in rows), key=partial(_known, joints), default=()
+    )  # others' states too
     kept = {stamp: n.values for stamp, n in rows if n.layout == layout and np.isfinite(n.values).all()}
     if not kept or not goals:
         what = commands if kept else states
@@ -100,10 +107,8 @@ def _columns(source: BagSource, states: str, commands: str, from_command: bool) 
     time = (stamps - stamps[0]) / 1e9
     table = dict(zip(names_of(layout), values.T, strict=True))
     found = {"t": time}
-    begins = [
-        ((stamp - stamps[0]) / 1e9, _goal(source.path, commands, n)) for stamp, n in sorted(goals, key=itemgetter(0))
-    ]
-    for joint in dict.fromkeys(name for _, goal in begins for name in goal):
+    begins = [((stamp - stamps[0]) / 1e9, goal) for stamp, goal in orders]
+    for joint in joints:
         q, dq = table.get(f"{joint}.position"), table.get(f"{joint}.velocity")
         if q is not None:
             own = [(begin, goal.get(joint, [])) for begin, goal in begins if joint in goal or not goal]
@@ -115,13 +120,22 @@ def _columns(source: BagSource, states: str, commands: str, from_command: bool) 
     return found
 
 
+def _known(joints: Sequence[str], layout: Layout) -> int:
+    """Return of how many joints messages of a layout have the position."""
+    return len({f"{joint}.position" for joint in joints}.intersection(names_of(layout)))
+
+
 def _goal(path: str, topic: str, numbers: Numbers) -> dict[str, list[tuple[float, ...]]]:
     """Return the points of a trajectory by joint: time from its start in s, position, derivatives that it has.
 
     Raises:
-        LogFormatError: It has more points than are read.
+        LogFormatError: It has more points than are read, or one of a joint has no position.
     """
     places, times = _places(numbers.layout)
+    missing = [joint for joint, own in places.items() if not all((k, 0) in own for k in range(len(times)))]
+    if missing:
+        step = "only positions are read: record the state of the controller, which has its commands"
+        raise LogFormatError(path, None, f"a trajectory of {topic} has a point without position of {missing[0]}", step)
     if len(times) >= MAX_LIST:
         step = "record the state of the controller (control_msgs/JointTrajectoryControllerState): it has its commands"
         raise LogFormatError(path, None, f"a trajectory of {topic} has {MAX_LIST} points or more", step)
@@ -131,6 +145,8 @@ def _goal(path: str, topic: str, numbers: Numbers) -> dict[str, list[tuple[float
     for joint, own in places.items():
         points = [[values[own[k, order]] for order in range(3) if (k, order) in own] for k in range(len(times))]
         found[joint] = [(second, *point) for second, point in zip(seconds, points, strict=True)]
+        if not np.isfinite([point[0] for point in points]).all():
+            raise LogFormatError(path, None, f"a trajectory of {topic} asks {joint} for no number", "leave it out")
     return found
 
 
@@ -147,7 +163,7 @@ def _places(layout: Layout) -> tuple[dict[str, dict[tuple[int, int], int]], list
     while f"points[{len(times)}].time_from_start.sec" in at:
         start = f"points[{len(times)}].time_from_start"
         times.append((at[f"{start}.sec"], at[f"{start}.nanosec"]))
-    return {joint: own for joint, own in found.items() if all((k, 0) in own for k in range(len(times)))}, times
+    return found, times
 
 
 def commanded(
@@ -167,21 +183,20 @@ def commanded(
             velocity and acceleration, the last two where it has them.
         from_command: Whether each begins at the last command.
     """
-    found, last = np.full(len(time), q[0]), float(q[0])
+    found, last = np.full(len(time), q[0]), [float(q[0]), 0.0]
     starts = [begin for begin, _ in goals]
     for (begin, points), end in zip(goals, [*starts[1:], np.inf], strict=True):
         ends = np.searchsorted(time, [begin, end])
-        at = np.append(time[slice(*ends)], end if np.isfinite(end) else begin) - begin
-        state = [last if from_command else float(np.interp(begin, time, q))]
-        if dq is not None:
-            state.append(float(np.interp(begin, time, dq)))
+        until = (end if np.isfinite(end) else begin) - begin
+        at = np.append(time[slice(*ends)] - begin, [until - _MOMENT, until])
+        state = last if from_command else [float(np.interp(begin, time, each)) for each in (q, dq) if each is not None]
         passed = [(0.0, *state), *points]
         values = np.full(len(at), passed[-1][1])
         for one, two in pairwise(passed):
             on = (at >= one[0]) & (at < two[0])
             if on.any():
                 values[on] = _between(one, two, at[on])
-        found[slice(*ends)], last = values[:-1], float(values[-1])
+        found[slice(*ends)], last = values[:-2], [float(values[-1]), float(values[-1] - values[-2]) / _MOMENT]
     return found
 
 
