@@ -98,7 +98,8 @@ def test_what_asks_for_rows_is_widened_and_the_others_are_mended(name: str) -> N
 
 
 def test_noise_that_drowns_the_motion_is_not_taken_out_and_the_intervals_say_so() -> None:
-    whole, bare, truth = found(2e-2, 60.0)
+    with pytest.warns(UserWarning, match="nothing explained"):
+        whole, bare, truth = found(2e-2, 60.0)
     told = whole.choices.position_noise
     assert told is not None and told.left == 1.0
     assert np.array_equal(whole.beta, bare.beta)
