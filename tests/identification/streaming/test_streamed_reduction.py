@@ -144,8 +144,8 @@ def test_estimators_of_triangles_say_the_same_over_several_logs(
     logs = [make("a.npz", 0), make("b.npz", 1, 6000), make("c.npz", 2, 5000)]
     found, wanted = identify_digest(reduce_logs(case.stream_setup(), logs), estimator), in_memory(case, logs, estimator)
     # Ridge asks for correlation factors, which stretches know in another way than rows.
-    # The conic solver of the consistent fit ends where it may: a gap of 1e-8 leaves its root of the parameters.
-    tolerance = {"ridge": 1e-3, "consistent": 1e-4}.get(estimator, 1e-6)
+    # The conic solver of the consistent fit ends where it may by its own tolerance.
+    tolerance = {"ridge": 1e-3, "consistent": 1e-5}.get(estimator, 1e-6)
     assert np.linalg.norm(found.beta - wanted.beta) < tolerance * np.linalg.norm(wanted.beta)
     assert np.all(np.abs(np.log(found.std / wanted.std)) < np.log(2.5))
     assert found.train.starts[0] == 0 and len(found.train.starts) == 3

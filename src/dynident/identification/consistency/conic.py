@@ -16,7 +16,7 @@ from dynident.identification.consistency.conditions import (
     unstack_vectors,
     vector_rows,
 )
-from dynident.identification.consistency.program import Multipliers, Program, along_basis, whitened_rows
+from dynident.identification.consistency.program import Multipliers, Program, whitened_rows
 from dynident.model.lapack import lapack_of_scipy
 
 
@@ -120,8 +120,7 @@ def _entropy_and_conditions(program: Program, rows: int) -> tuple[Array, list[Ar
         blocks.append(entropy)
         offsets.append(entropy_offset)
         cones = [*cones, *entropy_cones]
-        roots = program.whitening  # tr Q_i has the gradient V_i' V_i
-        linear[: 10 * program.links] = program.weight * along_basis(roots.transpose(0, 2, 1) @ roots)
+        linear[: 10 * program.links] = program.weight * _trace_gradient(program)
         linear[first:].reshape(-1, 14)[:, 10:] = -program.weight
     return linear, blocks, offsets, cones
 
@@ -189,6 +188,13 @@ def split_duals(conditions: Conditions, duals: Array) -> Multipliers:
     ends = np.cumsum([len(conditions.zero), len(conditions.sign), 10 * len(conditions.links)])
     zero, sign, cones, _ = np.split(duals, ends)
     return Multipliers(zero, sign, unstack_vectors(cones.reshape(-1, 10)))
+
+
+def _trace_gradient(program: Program) -> Array:
+    """Return the gradient of sum_i tr Q_i over the inertial parameters, shape (10 l,)."""
+    rows = whitened_rows(np.linalg.inv(program.whitening), program.data.shape[1])
+    identity = np.tile(IDENTITY_VECTOR, program.links)
+    return (identity @ rows)[: 10 * program.links]
 
 
 def _entropy_rows(program: Program, rows: int) -> tuple[Array, Array, list[Any]]:
