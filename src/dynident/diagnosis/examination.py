@@ -217,11 +217,9 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> _PartOfL
         for k in apart if len(pooled.ratios) else ():
             if pooled.ratios[k].max() > UNLIKE:
                 group[k].found.append(_unlike(group[k].subject.case, pooled.ratios[k], bool(together), why))
-    return (
-        _PartOfLogs(together, told, pooled.fit)
-        if together or group[1:]
-        else _PartOfLogs((), group[0].found, group[0].subject.fit)
-    )
+    if len(group) == 1:
+        return _PartOfLogs((), group[0].found, group[0].subject.fit)
+    return _PartOfLogs(together, told, pooled.fit)
 
 
 def _compare(case: Case, parts: Sequence[_PartOfLogs]) -> None:

@@ -96,9 +96,8 @@ def _columns(source: BagSource, states: str, commands: str, from_command: bool) 
     goals, rows = ([((n.stamp or 0) if is_stamped else r, n) for r, n in each] for each in (goals, rows))
     orders = [(stamp, _goal(source.path, commands, n)) for stamp, n in sorted(goals, key=itemgetter(0))]
     joints = list(dict.fromkeys(name for _, goal in orders for name in goal))
-    layout = max(
-        dict.fromkeys(n.layout for _, n in rows), key=partial(_known, joints), default=()
-    )  # others' states too
+    layouts = dict.fromkeys(numbers.layout for _, numbers in rows)  # a gripper may share the topic
+    layout = max(layouts, key=partial(_known, joints), default=())
     kept = {stamp: n.values for stamp, n in rows if n.layout == layout and np.isfinite(n.values).all()}
     if not kept or not goals:
         what = commands if kept else states

@@ -56,5 +56,7 @@ def by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recogni
 def _named_efforts(found: Recognised, count: int) -> dict[str, SignalSource]:
     """Return the torques, or else the currents, of so many joints that names tell where they do not tell positions."""
     efforts = choose_signals(groups_of(found.header, found.robot.joint_names), count, True).groups
-    told = {signal: SignalSource.of_group(group) for signal, group in efforts.items() if group.count == count}
-    return dict([next(iter(sorted(told.items(), reverse=True)))]) if told else {}
+    for signal in ("torque", "current"):
+        if signal in efforts and efforts[signal].count == count:
+            return {signal: SignalSource.of_group(efforts[signal])}
+    return {}

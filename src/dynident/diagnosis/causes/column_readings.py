@@ -14,7 +14,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.diagnosis.causes.held_out import ReadRows
-from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit
+from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, in_order
 from dynident.diagnosis.causes.weighted_fit import Triangles
 from dynident.diagnosis.finding import listed
 
@@ -71,7 +71,7 @@ def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
     """Yield the orders of the torques under which a log agrees far better, that of the positions kept."""
     names, stated = fit.model.robot.joint_names, fit.solve(fit.shared).score
     plain = f"{fit.effort}s"
-    columns = {plain: fit.exchanged} | ({} if fit.conversion is None else {"currents and gains": _rows_in_order})
+    columns = {plain: fit.exchanged} | ({} if fit.conversion is None else {"currents and gains": in_order})
     read = [(order, what, exchanged(order)) for what, exchanged in columns.items() for order in _orders(len(names))]
     mixings = np.array([mixing for *_, mixing in read]).reshape(-1, len(names), len(names))
     for (order, what, mixing), variances in zip(read, fit.variances(fit.shared, mixings), strict=True):
@@ -83,10 +83,6 @@ def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
             remedy = f"name the {fit.effort} columns in the order of the joints (log: columns: {fit.effort})"
             remedy += ", and give each joint its own gain (drives)" * (what != plain)
             yield Interpretation("torque order", joints, gain, evidence, remedy, ReadRows(fit.rows, mixing))
-
-
-def _rows_in_order(order: Sequence[int]) -> Array:
-    return np.eye(len(order))[list(order)]
 
 
 def _orders(joints: int) -> Iterator[tuple[int, ...]]:

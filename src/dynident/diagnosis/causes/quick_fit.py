@@ -115,7 +115,7 @@ class QuickFit:
 
     def exchanged(self, order: Sequence[int]) -> Array:
         """Return what torques are multiplied by, shape (n, n), where columns of torques or currents are in an order."""
-        plain = np.eye(len(order))[list(order)]
+        plain = in_order(order)
         return plain if self.conversion is None else self.conversion @ plain @ np.linalg.inv(self.conversion)
 
     @cached_property
@@ -269,6 +269,11 @@ class QuickFit:
             scale = float(np.sqrt(np.mean(self.rows.torque[mask, i] ** 2) * np.mean(speed[mask, i] ** 2)))
             share[i], score[i] = power / max(scale, 1e-300), power / deviation
         return share, score
+
+
+def in_order(order: Sequence[int]) -> Array:
+    """Return the matrix that puts columns in an order, shape (n, n)."""
+    return np.eye(len(order))[list(order)]
 
 
 def quick_fit(case: Case, log: Log) -> QuickFit | None:

@@ -57,9 +57,10 @@ def _speed_share(subject: CheckedLog) -> float:
 
 def _is_slow(subject: CheckedLog, middle: float) -> bool:
     """Return whether the motion is far too slow for a robot, and that of another unit of the time is not."""
-    usual = _other_units(subject, middle)
-    shares = _speed_shares(subject, usual[:1])
-    return bool(shares and _speed_share(subject) < CRAWLS and PLAUSIBLE[0] <= shares[0] <= PLAUSIBLE[1])
+    if not _speed_share(subject) < CRAWLS:
+        return False
+    shares = _speed_shares(subject, _other_units(subject, middle)[:1])
+    return bool(shares and PLAUSIBLE[0] <= shares[0] <= PLAUSIBLE[1])
 
 
 def _other_units(subject: CheckedLog, middle: float) -> list[str]:
