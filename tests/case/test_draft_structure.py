@@ -76,7 +76,7 @@ def test_a_table_of_bare_numbers_is_read_rightly(layout, arm: Robot, motion: dic
 @pytest.mark.parametrize(
     ("name", "signal", "asked", "words"),
     [
-        ("Current{}_%", "current", "drive gain", "the header states percent, gains are per percent of these columns"),
+        ("Current{}_%", "current", "drive gain", "the header states percent, gains are per percent"),
         ("MotStrom{}_mA", "current", "drive gain", "the header states mA, gains are per A"),
         ("Drive{}_%", "torque", "the unit of Drive1_%", "the header states percent; rated torques are then needed"),
         ("Trq{}_Nm", "torque", "", "by the numbers in their names"),

@@ -52,10 +52,60 @@ def test_faults_of_the_file_are_told_and_fixed(tmp_path: Path, capsys: pytest.Ca
     told = capsys.readouterr().out
     assert "error: repeated rows: 1 of 1201 rows" in told and "line 501" in told
     assert "error: rows out of order" in told
-    assert f"{out}: 1 repeated rows left out" in told
+    assert f"{out}: 1 repeated row left out" in told
     mended = read_log(out)
     assert np.array_equal(mended.time, values[:, 0])
     assert np.allclose(mended.q, values[:, 1:5], atol=1e-8)
+
+
+def test_a_mended_text_has_the_names_and_units_of_the_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, case, out = tmp_path / "run.csv", tmp_path / "case.yaml", tmp_path / "mended.csv"
+    values = recorded(log)
+    names = ["Time_ms", *(f"{word}{k}" for word in ("Pos_", "Trq_") for k in range(1, 5)), "remark"]
+    shown = values.copy()
+    shown[:, 0] *= 1e3
+    shown[:, [1, 2, 4]] = np.degrees(shown[:, [1, 2, 4]])
+    shown[600:800, 1] += 360.0
+    rows = [";".join([*map(repr, row), "as it is"]).replace(".", ",") for row in shown.tolist()]
+    rows[40] = rows[40].replace(rows[40].split(";")[3], "", 1)
+    log.write_text("\n".join([";".join(names), *rows]) + "\n", encoding="utf-8")
+    columns = (
+        "  columns: {time: Time_ms, q: 'Pos_{}', torque: 'Trq_{}'}\n  units: {time: ms, position: [deg, deg, m, deg]}\n"
+    )
+    case.write_text(f"case: 2\nrobot: generic-scara\nlog:\n  decimal: ','\n{columns}", encoding="utf-8")
+    assert main(["check", str(case), str(log), "--fix", str(out), "--quiet"]) == 1
+    told = capsys.readouterr().out
+    assert "1 of 1200 rows (0.083 %), the first in line 42, most of them in Pos_3" in told
+    assert f"'dynident check {case} {log} --fix OUT' writes the log without them" in told
+    assert "the case reads it in place of the log" in told
+    kept = out.read_text(encoding="utf-8").splitlines()
+    assert kept[:41] == [";".join(names), *rows[:40]] and kept[41] == rows[41]
+    assert kept[700].endswith("as it is") and kept[700] != rows[700]
+    mended = read_case(case).read(out)
+    assert np.allclose(mended.q, np.delete(values[:, 1:5], 40, axis=0), atol=1e-12)
+    assert main(["check", str(case), str(out), "--quiet"]) == 0
+
+
+#: An arm of one joint, whose drive gain nothing states.
+ARM = """<robot name="arm"><link name="base"/><link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+<inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="shoulder"
+type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/></joint></robot>
+"""
+
+
+def test_a_case_that_still_asks_for_gains_is_checked_as_far_as_it_goes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, case = tmp_path / "run.csv", tmp_path / "case.yaml"
+    recorded(log)
+    doubled(log)
+    (tmp_path / "arm.urdf").write_text(ARM, encoding="utf-8")
+    text = "case: 2\nrobot: arm.urdf\ndrives:\n  shoulder: {gain: ask}  # ask: the gain\n"
+    case.write_text(f"{text}log:\n  columns: {{q: [q1], torque: none, current: [tau1]}}\n", encoding="utf-8")
+    assert main(["check", str(case), str(log), "--quiet"]) == 1
+    told = capsys.readouterr().out
+    assert "error: repeated rows" in told and "error: no drive gain (shoulder)" in told
+    assert f"'dynident gains {case}' finds gains" in told
 
 
 def test_json_is_one_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

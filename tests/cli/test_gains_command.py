@@ -87,6 +87,16 @@ def test_the_lines_to_paste_and_the_method(cell: Path, capsys: pytest.CaptureFix
     assert "N/A" in shown and "identified" in shown
 
 
+def test_gains_of_currents_in_percent_are_per_percent(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = Path("case.yaml")
+    case.write_text(case.read_text().replace("log: {columns:", "log: {units: {current: percent}, columns:"))
+    payload = ("--load", "loaded.csv", "--mass", "2", "--com", "0.05,0.02,-0.03")
+    assert main(["gains", "case.yaml", *payload, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["gains"]
+    assert [gain["gain"] for gain in found] == pytest.approx(GAINS, rel=0.05)
+    assert [gain["unit"] for gain in found] == ["N m/percent", "N m/percent", "N/percent", "N m/percent"]
+
+
 def test_a_loaded_run_without_its_load_determines_nothing(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_log(recorded(read_robot("generic-scara"), 3), "loaded.csv")
     assert main(["gains", "case.yaml", "--load", "loaded.csv", "--mass", "2", "--delay", "auto", "--json"]) == 1

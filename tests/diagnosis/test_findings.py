@@ -102,7 +102,7 @@ FAULTS: dict[str, tuple[str, Callable[[Trial], Trial], tuple[str, str, str], str
     ),
     "currents alone": (
         "torque_source", as_currents, ("error", "no drive gain", "joint1 of it, joint2 of it, joint3 of it"),
-        "state gain in N m/A",
+        "state gains, torque at the joint per unit of current",
     ),
     "one torque for ever": (
         "resolution", put("tau", (ALL, 2), 1.5), ("error", "torque never changes", "joint3 of it"), "one value in all",

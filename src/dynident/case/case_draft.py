@@ -262,9 +262,8 @@ def _is_table(table: LogTable) -> bool:
 
 def _remarks(found: Recognised) -> list[str]:
     remarks = [note for reading in found.readings for note in reading.notes]
-    remarks = [
-        f"{note}: dynident check names the rows, and --fix repairs what is safe" for note in dict.fromkeys(remarks)
-    ]
+    step = "'dynident check' with this case names the rows, and its --fix OUT repairs what is safe"
+    remarks = [f"{note}: {step}" for note in dict.fromkeys(remarks)]
     for reading in found.readings:
         gap = long_gap(reading.time * found.to_seconds)
         if gap:

@@ -54,7 +54,7 @@ def case_columns(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str
         if stated or name in ("q", "dq", "torque", "current"):
             words = columns.units.of(QUANTITY[name], len(joints))
             own = _per_unit(own, QUANTITY[name], words)
-            if RATED.intersection(words):
+            if QUANTITY[name] == "torque" and RATED.intersection(words):
                 own = own / [r if word in RATED else 1.0 for r, word in zip(columns.rated, words, strict=True)]
         found |= dict(zip(names, own.T, strict=True))
     return found

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="ESTIMATE",
         help="earlier estimate of the robot: tells what has changed since; default: the case's prior if it is one",
     )
-    parser.add_argument("--fix", metavar="OUT", help="write the repaired log here, one log only (CSV, SI units)")
+    parser.add_argument("--fix", metavar="OUT", help="write the repaired log here, one log only; the case reads it")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
     parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")
 
@@ -47,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place
 
-    case = read_case(options.case)
+    case = read_case(options.case, open_gains=True)
     if case.servo is not None:
         from dynident.cli import actuators
 
@@ -91,21 +90,14 @@ def _earlier(case: Case, name: str | None) -> Estimate | None:
 
 
 def _fixed(case: Case, examination: Examination, out: str) -> tuple[str, ...]:
-    """Write the repaired log, read it back, and return the repairs."""
-    from dynident.data.formats import read_log, write_log, written_columns
-    from dynident.errors import DynidentError, LogMismatch
+    """Write the repaired log, and return the repairs and how it is read."""
+    from dynident.diagnosis.repaired_file import write_repaired
+    from dynident.errors import LogMismatch
 
     if examination.repaired is None:
         raise LogMismatch(examination.path, "it cannot be read", examination.findings[0].remedy)
-    log = examination.repaired.recording.log
-    write_log(log, out)
-    try:
-        read_log(out, written_columns(log))
-    except DynidentError:
-        Path(out).unlink()
-        raise
-    read = "it is in SI units under t, q1, ...; a case that reads it needs no units, columns and gains"
-    return (*(examination.repaired.repairs or ("nothing to repair",)), read)
+    how = write_repaired(examination.repaired, out)
+    return (*(examination.repaired.repairs or ("nothing to repair",)), how)
 
 
 def _figures(case: Case, found: Sequence[Examination], mends: tuple[str, ...] | None) -> dict[str, Any]:

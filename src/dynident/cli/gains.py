@@ -170,7 +170,7 @@ def _found(
     without = [case.read_currents(name) for name in names]
     if case.split is not None and not options.logs:  # what the case tests on stays unseen
         without = [case.split.apply(log)[0] for log in without]
-    how = GainOptions(options.method, options.signed)
+    how = GainOptions(options.method, options.signed, current=_current_unit(case))
     if payload is not None:
         loaded = [case.read_currents(name) for name in options.load]
         return gains_from_payload(case.model, without, loaded, payload, case.preprocessing, how, progress.step)
@@ -182,6 +182,14 @@ def _found(
     known = prior_of(case)
     theta = None if known is None else known.for_model(case.model).theta
     return gains_from_prior(case.model, without, theta, options.prior_share, case.preprocessing, how, progress.step)
+
+
+def _current_unit(case: Case) -> str:
+    """Return the unit of the currents that a case reads, of which its gains are; A where drives differ."""
+    from dynident.data.formats.base import RATED
+
+    words = set(case.columns.units.of("current", len(case.columns.joints)))
+    return words.pop() if len(words) == 1 and words <= RATED else "A"
 
 
 def _lines(found: DriveGains) -> dict[str, GainLine]:
@@ -248,7 +256,7 @@ def _table(found: DriveGains) -> Table:
                 gain.label,
             )
         )
-    level = f"{100 * found.level:g} %"
+    level, unit = f"{100 * found.level:g} %", found.gains[0].unit.partition("/")[2]
     columns = (
         Column("joint"),
         Column("gain", numeric=True),
@@ -256,9 +264,9 @@ def _table(found: DriveGains) -> Table:
         Column("to", numeric=True),
         Column("unit"),
         Column("rel. std", "%", numeric=True),
-        Column("current", "A rms", numeric=True),
-        Column("of known bodies", numeric=True),
-        Column("left over", numeric=True),
+        Column("current", f"{unit} rms", numeric=True),
+        Column("of known bodies", f"{unit} rms", numeric=True),
+        Column("left over", f"{unit} rms", numeric=True),
         Column("verdict"),
     )
     return Table(columns, tuple(rows))

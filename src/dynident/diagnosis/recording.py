@@ -35,6 +35,14 @@ class Recording:
         row = int(self.rows[sample])
         return f"line {self.table.line_of(row)}" if isinstance(self.table, TextTable) else f"row {row + 1}"
 
+    def column_of(self, signal: str, joint: int) -> str:
+        """Return the column of the file that holds a signal of a joint of the robot; in words where there is none."""
+        if signal == "time":
+            return self.columns.time if self.table is not None else "the time"
+        name = self.log.joints[joint]
+        names = self.columns.stated().get(signal, ())
+        return names[self.columns.joints.index(name)] if names else f"{signal} of {name}"
+
     def kept(self, keep: BoolArray | IntArray, step: str) -> Recording:
         """Return some samples only; ``step`` says which in words."""
         return Recording(self.log.rows(keep, step), self.table, self.columns, self.rows[keep])

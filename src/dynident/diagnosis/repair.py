@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,37 +28,45 @@ class Repaired:
     Attributes:
         recording: What is left.
         repairs: What was done, in words with counts.
+        turns: Whole turns that were added to the positions of its samples, by joint, each of shape (N,).
     """
 
     recording: Recording
     repairs: tuple[str, ...]
+    turns: Mapping[str, Array] = field(default_factory=dict)
 
 
 def repair(recording: Recording, robot: Robot) -> Repaired:
     """Return the recording with all that is safe to repair repaired."""
-    repairs = []
+    repairs: list[str] = []
+    turns: dict[str, Array] = {}
     bad = broken_rows(recording.log)
     if 0 < bad.sum() <= MOST_LOST * len(bad):
         recording = recording.kept(~bad, "rows with values that are not finite left out")
-        repairs.append(f"{bad.sum()} rows with values that are not finite left out")
+        repairs.append(f"{_rows(bad.sum())} with values that are not finite left out")
     repeated = repeated_rows(recording.log)
     if repeated.any():
         recording = recording.kept(~repeated, "repeated rows left out")
-        repairs.append(f"{repeated.sum()} repeated rows left out")
+        repairs.append(f"{_rows(repeated.sum(), 'repeated ')} left out")
     moved = out_of_order(recording.log.time)
     if moved and sortable(recording.log.time):
         recording = recording.kept(np.argsort(recording.log.time, kind="stable"), "rows sorted by time")
-        repairs.append(f"rows sorted by time, {moved} of them were out of order")
+        repairs.append(f"rows sorted by time, {moved} of them out of order")
         again = repeated_rows(recording.log)
         if again.any():
             recording = recording.kept(~again, "repeated rows left out")
-            repairs.append(f"{again.sum()} repeated rows left out")
+            repairs.append(f"{_rows(again.sum(), 'repeated ')} left out")
     counts = wraps(recording.log, robot)
     if any(counts.values()):
-        recording = replace(recording, log=_unwrapped(recording.log, list(counts)))
+        turns = {joint: _turns_taken_back(recording.log, joint) for joint in counts}
+        recording = replace(recording, log=_turned(recording.log, turns))
         told = ", ".join(f"{joint} {count}" for joint, count in counts.items() if count)
         repairs.append(f"jumps of a whole turn taken back: {told}")
-    return Repaired(recording, tuple(repairs))
+    return Repaired(recording, tuple(repairs), turns)
+
+
+def _rows(count: int, what: str = "") -> str:
+    return f"{count} {what}row{'s' if count != 1 else ''}"
 
 
 def broken_rows(log: Log) -> BoolArray:
@@ -95,12 +104,16 @@ def wraps(log: Log, robot: Robot) -> dict[str, int]:
     return {joint.name: count for joint, count in counts if count and joint.kind == "revolute"}
 
 
-def _unwrapped(log: Log, joints: list[str]) -> Log:
-    """Return the log with the turns of some joints counted on, nearest to where most of the samples were."""
+def _turns_taken_back(log: Log, joint: str) -> Array:
+    """Return the turns (N,) that take back the jumps of a joint, nearest to where most of the samples were."""
+    q = log.q[:, log.joints.index(joint)]
+    added = np.round((np.unwrap(q) - q) / (2 * np.pi))
+    return added - np.round(np.median(added))
+
+
+def _turned(log: Log, turns: Mapping[str, Array]) -> Log:
+    """Return the log with turns added to the positions of some joints."""
     q = np.array(log.q)
-    for name in joints:
-        k = log.joints.index(name)
-        plain = np.unwrap(q[:, k])
-        turns = np.round(np.median((q[:, k] - plain) / (2 * np.pi)))
-        q[:, k] = plain + 2 * np.pi * turns
+    for joint, added in turns.items():
+        q[:, log.joints.index(joint)] += 2 * np.pi * added
     return replace(log.with_step("encoder jumps taken back"), q=q)

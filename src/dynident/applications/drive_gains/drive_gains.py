@@ -29,7 +29,7 @@ class DriveGain:
         driven: Root mean square current that what sets the scale (payload, description) asks of it, in A.
         residual: Root mean square of the current that the fit leaves, in A.
         current: Root mean square of the current, in A.
-        unit: ``"N m/A"`` or ``"N/A"``.
+        unit: ``"N m/A"`` or ``"N/A"``; percent or permille in place of A where the currents are.
     """
 
     joint: str

@@ -46,11 +46,13 @@ class GainOptions:
         method: One of ``structured``, ``tls``, ``wls``, ``ols``.
         signed: Give each sign of the current a gain of its own.
         level: Confidence of the intervals.
+        current: Unit of the currents in the logs, for what is shown.
     """
 
     method: str = "structured"
     signed: bool = False
     level: float = 0.95
+    current: str = "A"
 
 
 STANDARD = GainOptions()
@@ -161,7 +163,7 @@ class _Solve:
         progress: Progress,
     ) -> None:
         self.model, self.base, self.unknowns, self.how = model, base, unknowns, how
-        self.method, self.signed, self.level, self.progress = options.method, options.signed, options.level, progress
+        self.options, self.progress = options, progress
 
     def gains(
         self,
@@ -172,7 +174,7 @@ class _Solve:
         tell: Callable[[Sequence[str], Array], dict[str, float]],
     ) -> DriveGains:
         """Return the gains of some runs of logs whose torques are C' i."""
-        level = self.level
+        level = self.options.level
         if not 0.5 <= level < 1:
             raise BadOption("level", level, "give the confidence of the intervals, such as 0.95")
         self.progress("preprocessing")
@@ -188,15 +190,25 @@ class _Solve:
         spread = spread_of(data, fit, scale_share, level)
         names = tuple(tuple(log.name for log in run) for run in runs)
         found = tell(self.unknowns.names, fit.z)
-        judgements = judged(data, fit, spread, kind)
+        judgements = judged(data, fit, spread, kind, self.options.current)
         remarks = self._remarks()
-        args = (self.method, scale, level, spread.covariance, names, delays, found, remarks, prepared[0][0].statement())
+        args = (
+            self.options.method,
+            scale,
+            level,
+            spread.covariance,
+            names,
+            delays,
+            found,
+            remarks,
+            prepared[0][0].statement(),
+        )
         return DriveGains(judgements, *args)
 
     def _remarks(self) -> tuple[str, ...]:
-        if self.method in ("wls", "ols"):
-            return (f"'{self.method}' takes currents for exact: where they are noisy its gains are too small",)
-        if self.method == "tls":
+        if self.options.method in ("wls", "ols"):
+            return (f"'{self.options.method}' takes currents for exact: where they are noisy its gains are too small",)
+        if self.options.method == "tls":
             return ("'tls' takes all columns for noisy alike, and its intervals are of first order",)
         return ()
 
@@ -220,25 +232,27 @@ class _Solve:
         rows = []
         for logs, load in zip(runs, loads, strict=True):
             masks = tuple(counting_rows(self.model, log) for log in logs)
-            rows.append(DriveRows(Problem(self.model, self.base, tuple(logs), masks, (), load), self.signed))
+            rows.append(DriveRows(Problem(self.model, self.base, tuple(logs), masks, (), load), self.options.signed))
         return GainData.of(rows, self.unknowns)
 
     def _solved(self, data: GainData) -> GainFit:
-        self.progress(f"method {self.method}")
-        fit = fit_gains(data, self.method)
+        self.progress(f"method {self.options.method}")
+        fit = fit_gains(data, self.options.method)
         if not np.any(np.isfinite(self.unknowns.deviations)):
             return fit
         # What is known of z weighs as one row: the rows of the logs must count as what they are worth.
         residual = [rows.group_residuals(vectors) for rows, vectors in zip(data.rows, fit.rows.vectors, strict=True)]
-        return fit_gains(data, self.method, correlation_factors(residual, [rows.counting for rows in data.rows]))
+        return fit_gains(
+            data, self.options.method, correlation_factors(residual, [rows.counting for rows in data.rows])
+        )
 
     def _delayed(self, runs: Runs, fit: GainFit) -> tuple[tuple[float, ...], tuple[tuple[Prepared, ...], ...]]:
         """Return the delay of each log, and the logs prepared with it."""
         simple = without_load(self.model)
         robot = self.model.robot
         gains = np.zeros(robot.dof)
-        for group, gain in zip(_groups(robot.joint_names, self.signed), fit.gains, strict=True):
-            gains[group] += gain / (2.0 if self.signed else 1.0)
+        for group, gain in zip(_groups(robot.joint_names, self.options.signed), fit.gains, strict=True):
+            gains[group] += gain / (2.0 if self.options.signed else 1.0)
         gains *= min(1.0, LARGEST_GAIN / max(float(np.max(np.abs(gains))), 1e-100))
         coupling = np.asarray(robot.coupling)
         delays: list[float] = []

@@ -22,7 +22,7 @@ STILL = 0.02
 POSTURES = 200
 
 
-def judged(data: GainData, fit: GainFit, spread: GainSpread, scale: str) -> tuple[DriveGain, ...]:
+def judged(data: GainData, fit: GainFit, spread: GainSpread, scale: str, current_unit: str) -> tuple[DriveGain, ...]:
     """Return the gains with their labels and reasons.
 
     Args:
@@ -30,6 +30,7 @@ def judged(data: GainData, fit: GainFit, spread: GainSpread, scale: str) -> tupl
         fit: What a method found.
         spread: Their intervals.
         scale: What sets the scale: ``"payload"`` or ``"bodies"``.
+        current_unit: Unit of the currents.
     """
     counts = np.maximum(data.counts, 1.0)
     residual = np.sqrt(group_squares(data, fit.rows) / counts)
@@ -46,8 +47,8 @@ def judged(data: GainData, fit: GainFit, spread: GainSpread, scale: str) -> tupl
         label, reason = IDENTIFIED, ""
         if spread.open[g] or not half <= LOOSE:
             evidence = "no row tells it from the rest" if spread.open[g] else _width(half)
-            evidence += f"; the {scale} ask{'s' if scale == 'payload' else ''} {asked:.2g} A of it"
-            evidence += f", the fit leaves {residual[g]:.2g} A"
+            evidence += f"; the {scale} ask{'s' if scale == 'payload' else ''} {asked:.2g} {current_unit} of it"
+            evidence += f", the fit leaves {residual[g]:.2g} {current_unit}"
             label, reason = NOT_DETERMINED, f"{evidence}; {_step(still[g] < STILL * driven[g], scale)}"
         elif fit.gains[g] < 0:
             label = REVERSED
@@ -57,7 +58,9 @@ def judged(data: GainData, fit: GainFit, spread: GainSpread, scale: str) -> tupl
             )
         value, low, high = (float(each[g]) for each in (fit.gains, spread.low, spread.high))
         told = (float(spread.deviations[g]), label, reason, asked, float(residual[g]), float(current[g]))
-        found.append(DriveGain(group.joint, group.sign, value, low, high, *told, f"{units[group.joint]}/A"))
+        found.append(
+            DriveGain(group.joint, group.sign, value, low, high, *told, f"{units[group.joint]}/{current_unit}")
+        )
     return tuple(found)
 
 

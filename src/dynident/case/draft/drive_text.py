@@ -7,6 +7,7 @@ import numpy as np
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.yaml_words import asked, offered, plain, quoted
+from dynident.data.formats.base import RATED
 from dynident.model.robot import Joint, Robot
 
 #: Share that the robot model has to explain before a rough gain is worth saying.
@@ -80,7 +81,8 @@ def _gain(found: Recognised, k: int, joint: Joint) -> list[str]:
         return []
     column = found.sources["current"].columns[k]
     unit = "N m" if joint.kind == "revolute" else "N"
-    per = "A" if _stated_current(found) else "unit"
+    stated = _stated_current(found)
+    per = stated if stated in RATED else "A" if stated else "unit"
     text = f"the drive gain of {joint.name}, {unit} at the joint per {per} of {column}"
     return [asked("gain", f"{text}{_rough_gain(found, joint.name)}")]
 

@@ -39,7 +39,7 @@ from dynident.case.evidence.torques import torque_evidence
 from dynident.case.evidence.velocities import is_near, velocity_pair
 from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import SUM, TimedTable
-from dynident.data.formats.base import UNITS
+from dynident.data.formats.base import RATED, UNITS
 from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn, turns_counted
 from dynident.model.robot import Robot
@@ -255,9 +255,9 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
         sample = (moving, Log(moving.joint_names, time, q, torque=logged))
     if effort == "current" and "current" not in units:
         unit = stated["current"]
-        known, per = unit in UNITS["current"], f"gains are per {unit or 'unit'} of these columns"
-        why = f"{HEADER} {unit}, {'gains are per A' if known else per}" if unit else per
-        units["current"] = SignalUnit((unit if known else "A",), True, why, from_header=known)
+        per = f"gains are per {unit or 'unit'}{'' if unit in RATED else ' of these columns'}"
+        why = f"{HEADER} {unit}, {per if unit in RATED else 'gains are per A'}" if unit else per
+        units["current"] = SignalUnit((unit or "A",), True, why, from_header=bool(unit))
     if effort == "torque" and ("torque" not in units or found.drivers_differ):
         joints = () if moving is None or not fits_joints else moving.active
         count = len(joints)

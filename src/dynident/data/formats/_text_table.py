@@ -69,7 +69,7 @@ class TextTable(LogTable):
         try:
             values = self._fast()[:, wanted]
         except (ValueError, IndexError):  # some cell or row is unsound, or only a column that is not asked for
-            values = self._careful(wanted, self._rows())
+            values = self._careful(wanted, self.rows())
         if not len(values):
             raise LogFormatError(self.path, self.line, "a header and no rows", "record the log again")
         return values
@@ -115,7 +115,7 @@ class TextTable(LogTable):
 
     def line_of(self, row: int) -> int:
         """Return the line of the file, counted from 1, of a row counted from 0."""
-        for index, (line, _) in enumerate(self._rows()):
+        for index, (line, _) in enumerate(self.rows()):
             if index == row:
                 return line
         raise IndexError(f"row {row} of {self.path}")
@@ -144,7 +144,7 @@ class TextTable(LogTable):
                 raise ValueError(line)
             yield line.replace(",", ".")
 
-    def _rows(self) -> Iterator[tuple[int, str]]:
+    def rows(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of the lines that hold a row: not blank, not only a comment."""
         with _opened(self.path) as stream:
             yield from self._held(islice(enumerate(stream, 1), self.before, None))

@@ -24,7 +24,7 @@ def _of_motion(per: str) -> dict[str, tuple[tuple[float, float], str]]:
     return {"SI": (ONE, ""), **{unit + per: found for unit, found in own.items()}}
 
 
-#: Units that are shares of the rated torque of a joint.
+#: Units that are shares: of the rated torque of a joint, or of a current that its drive gain counts in.
 RATED = frozenset(("percent", "permille"))
 
 #: Per quantity, unit word -> ((numerator, denominator) to SI, kind of joint it belongs to; empty for any).
@@ -41,7 +41,7 @@ UNITS: dict[str, dict[str, tuple[tuple[float, float], str]]] = {
         "percent": ((1.0, 100.0), ""),
         "permille": (_MILLI, ""),
     },
-    "current": {"A": (ONE, ""), "mA": (_MILLI, "")},
+    "current": {"A": (ONE, ""), "mA": (_MILLI, ""), **{share: (ONE, "") for share in sorted(RATED)}},
     "temperature": {"degC": (ONE, "")},
 }
 
@@ -71,7 +71,7 @@ class Units:
         velocity: SI, rad/s, deg/s, m/s or mm/s.
         acceleration: SI, rad/s^2, deg/s^2, m/s^2 or mm/s^2.
         torque: SI, N m, mN m, N, or percent or permille of the rated torque; of filtered and unfiltered torques.
-        current: A or mA.
+        current: A or mA; percent or permille, of which drive gains are then.
 
     Raises:
         UnknownChoice: A word that is not listed.

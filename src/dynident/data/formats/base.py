@@ -166,7 +166,7 @@ class ColumnMap:
         """Return the values (N, n) of a signal in SI units."""
         words = self.units.of(QUANTITY[signal], values.shape[1])
         found = converted(values, QUANTITY[signal], words)
-        if not RATED.intersection(words):
+        if QUANTITY[signal] != "torque" or not RATED.intersection(words):
             return found
         return found * np.array(
             [rated if word in RATED else 1.0 for rated, word in zip(self.rated, words, strict=True)]

@@ -42,6 +42,11 @@ class CheckedLog:
     earlier: Estimate | None = None
     pooled: QuickFit | None = None
 
+    @property
+    def fix(self) -> str:
+        """The command that writes the log without what is safe to repair."""
+        return f"dynident check {self.case.path or self.case.robot_path or 'CASE'} {self.raw.log.name} --fix OUT"
+
     @cached_property
     def thin(self) -> QuickFit | None:
         """The fit of a few rows of the log whatever their number; None where the log has no torques."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.case.evidence.positions import STILL, travel
+from dynident.data.log import Log
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed
 from dynident.diagnosis.repair import MOST_LOST, broken_rows
@@ -47,15 +48,22 @@ def _not_finite(subject: CheckedLog) -> list[Finding]:
     if not bad.any():
         return []
     share = float(bad.mean())
-    columns = {name: int((~np.isfinite(values)).sum()) for name, values in log.signals().items()}
-    worst = max(columns, key=lambda name: columns[name])
     first = subject.raw.place(int(np.argmax(bad)))
-    evidence = f"{bad.sum()} of {log.samples} rows ({100 * share:.2g} %), the first in {first}, most of them in {worst}"
-    remedy = "--fix OUT writes the log without them"
+    where = f"most of them in {subject.raw.column_of(*_worst(log))}"
+    evidence = f"{bad.sum()} of {log.samples} rows ({100 * share:.2g} %), the first in {first}, {where}"
+    remedy = f"'{subject.fix}' writes the log without them"
     name = "values that are not finite"
     if share > MOST_LOST:
         remedy, name = "too many to leave out; look for a driver that does not publish the signal", "signal missing"
     return [Finding("error", name, "", evidence, remedy, {"rows": int(bad.sum()), "share": share})]
+
+
+def _worst(log: Log) -> tuple[str, int]:
+    """Return the signal and the joint that lack most values; ``time`` and 0 where the time does."""
+    lacking = {"time": np.array([np.count_nonzero(~np.isfinite(log.time))])}
+    lacking |= {name: np.count_nonzero(~np.isfinite(values), axis=0) for name, values in log.signals().items()}
+    signal = max(lacking, key=lambda name: lacking[name].max())
+    return signal, int(np.argmax(lacking[signal]))
 
 
 def _flips(subject: CheckedLog) -> list[Finding]:

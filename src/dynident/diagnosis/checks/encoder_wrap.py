@@ -23,7 +23,7 @@ class EncoderWrap(Check):
             return []
         told = ", ".join(f"{joint} {count}" for joint, count in counts.items())
         evidence = f"jumps of a whole turn between two samples: {told}"
-        remedy = f"count the turns on (log: {{wrapped: [{', '.join(counts)}]}}; --fix OUT writes the log so)"
+        remedy = f"count the turns on (log: {{wrapped: [{', '.join(counts)}]}}; '{subject.fix}' writes the log so)"
         numbers = {"jumps": sum(counts.values())}
         explains = ("joint limits", "velocity mismatch")
         return [Finding("error", "encoder wrap", listed(list(counts)), evidence, remedy, numbers, explains)]

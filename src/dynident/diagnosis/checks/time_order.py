@@ -27,7 +27,7 @@ class TimeOrder(Check):
         if repeated.any():
             first = subject.raw.place(int(np.argmax(repeated)))
             evidence = f"{repeated.sum()} of {log.samples} rows repeat the row before them, the first in {first}"
-            remedy = "leave them out (log: {repeats: drop}; --fix OUT writes the log without them)"
+            remedy = f"leave them out (log: {{repeats: drop}}; '{subject.fix}' writes the log without them)"
             found.append(Finding("error", "repeated rows", "", evidence, remedy, {"rows": int(repeated.sum())}))
         keep = finite & ~repeated
         time, samples = log.time[keep], np.flatnonzero(keep)
@@ -35,10 +35,10 @@ class TimeOrder(Check):
         if len(back):
             first = subject.raw.place(int(samples[back[0] + 1]))
             count = out_of_order(time)
-            evidence = f"time runs back at {len(back)} places, the first in {first}; {count} rows are out of order"
+            evidence = f"time runs back {len(back)} times, first in {first}; rows out of order: {count}"
             numbers = {"places": len(back), "rows": count}
             if sortable(time):
-                remedy = "sort the rows (--fix OUT writes them sorted)"
+                remedy = f"sort the rows ('{subject.fix}' writes them sorted)"
                 found.append(Finding("error", "rows out of order", "", evidence, remedy, numbers))
             else:
                 remedy = "split the file there into separate logs: the clock restarts, or two logs are in one file"

@@ -24,5 +24,8 @@ class TorqueSource(Check):
             remedy = "record torques or motor currents: positions alone give no masses (log: columns: torque)"
             return [Finding("error", "no torque", "", "the log has neither torques nor currents", remedy)]
         bare = [joint.name for joint in subject.case.robot.active if joint.drive.gain is None]
-        remedy = "state gain in N m/A at the joint (drives: {JOINT: {gain: ...}})"
+        remedy = (
+            "state gains, torque at the joint per unit of current (drives: {JOINT: {gain: ...}}), from a data sheet; "
+            f"'dynident gains {subject.case.path or 'CASE'}' finds gains from runs with and without a known payload"
+        )
         return [Finding("error", "no drive gain", listed(bare), "currents and no gain", remedy)]
