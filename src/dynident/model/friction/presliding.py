@@ -90,20 +90,24 @@ class Presliding(Friction):
             turns = np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1
             starts = np.concatenate([[0], turns])
             bent = list(accumulate(np.diff(q[starts]).tolist(), self._moved, initial=start))
-            samples = np.diff(starts, append=len(q))
-            way = q - np.repeat(q[starts], samples)
-            side = np.where(way < 0, -1.0, 1.0)
-            moved = self._moved(side * np.repeat(bent, samples), side * way, (np.maximum, np.minimum, np.power), True)
-            found[:, drive] = side * moved
+            samples, forth = np.diff(starts, append=len(q)), np.diff(q[starts], append=q[-1]) >= 0
+            side, way = np.where(forth, 1.0, -1.0), np.abs(q - np.repeat(q[starts], samples))
+            if self.shape == 1.0:
+                moved = np.minimum(np.repeat(side * bent, samples) + way, self.length)
+            else:  # to where it slips
+                left = np.maximum(1.0 - side * bent / self.length, 0.0) ** self.shape
+                rest = np.maximum(np.repeat(left, samples) - self.shape / self.length * way, 0.0)
+                moved = self.length * (1.0 - rest ** (1.0 / self.shape))
+            found[:, drive] = np.repeat(side, samples) * moved
         return found
 
-    def _moved(self, z: Any, way: Any, of: tuple[Any, ...] = (max, min, pow), is_forth: bool = False) -> Any:
-        """Return the deflection after a way without a reversal, or forth only, by functions of the kind of number."""
+    def _moved(self, z: Any, way: Any, of: tuple[Any, ...] = (max, min, pow)) -> Any:
+        """Return the deflection after a way without a reversal, by functions of the kind of number."""
         (larger_of, smaller_of, power_of), length, shape = of, self.length, self.shape
         if shape == 1.0:
             return smaller_of(larger_of(z + way, -length), length)
         left = 1.0 - z / length  # to where it slips; then the same the other way, and one of the two ways is none
-        for moved in (way,) if is_forth else (larger_of(way, 0.0), -smaller_of(way, 0.0)):
+        for moved in (larger_of(way, 0.0), -smaller_of(way, 0.0)):
             rest = power_of(larger_of(left, 0.0), shape) - shape / length * moved
             left = 2.0 - power_of(larger_of(rest, 0.0), 1.0 / shape)
-        return length * (left - 1.0 if is_forth else 1.0 - left)
+        return length * (1.0 - left)

@@ -47,7 +47,7 @@ from dynident.identification.selection.friction.parts_by_drive import (
 )
 from dynident.identification.selection.friction.variable_projection import all_spans, without_optional
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE, Friction, called
+from dynident.model.friction import WHOLE, called
 
 #: Values over its range of a width or of a part's first field, and of a further field beside each of these.
 COARSE, BESIDE = 13, 2
@@ -71,7 +71,7 @@ def search_friction(
     """Return the stated or the best values of the fields that the parts of a model leave to the logs, and why.
 
     Optional parts that remember are left aside at first. What was found without them is the start where they are tried
-    (``after``); what was found with one of them is the start where the other parts are chosen anew beside it.
+    (``after``); where one of them was taken, it stays, and the other parts are chosen anew beside it.
 
     Args:
         model: With parts whose ``choose`` names non-linear fields, or ``part``.
@@ -127,7 +127,6 @@ class FrictionSearch:
         self.found, self.decided = dict[tuple[int, str], FieldChoice](), dict[int, FieldChoice]()
         self._lagging = tuple(p for p in self.absent if model.friction[p].lags)
         self._pooled, self._spans, self._progress = pooled, spans, progress
-        self._polished: dict[int, Friction] = {}
         parts = model.friction
         self._inside = [{q for q, own in enumerate(parts) if called(own) in part.in_place_of} for part in parts]
         self.tells = self.tried((), ()).tells  # whether the blocks have rows enough to hold some out
@@ -151,18 +150,20 @@ class FrictionSearch:
         return any(p not in self.absent for p in self._lagging)
 
     def run(self, after: FrictionSearch | None) -> None:
-        """Choose, from nothing or from what was found before."""
+        """Choose, from nothing, what remembers beside what was found before, or the others beside that."""
+        there = self.absent if after is None else after.absent
         if after is not None and not after.remembers:
-            fresh = self.model, self.heads, self.apart, self.found
-            self.model, self.absent, self.heads, self.apart = after.model, after.absent, after.heads, after.apart
+            fresh = self.model, self.absent, self.heads, self.apart, self.found
+            self.model, self.absent, self.heads, self.apart = after.model, there, after.heads, after.apart
             self.found, self.decided = after.found, after.decided | {p: self.with_part(p) for p in self._lagging}
             if not self.remembers:
                 return
-            after, (self.model, self.heads, self.apart, self.found) = self, fresh
-        if after is not None:
-            optional = [p for p, part in enumerate(self.stated.friction) if part.is_optional]
-            self.absent = tuple(p for p in optional if p not in self._lagging or p in after.absent)
-            self._polished = after._polished
+            there, (self.model, self.absent, self.heads, self.apart, self.found) = self.absent, fresh
+        self.absent = tuple(p for p in self.absent if p not in self._lagging or p in there)
+        if after is not None and not after.remembers:  # the others may have stood in its place: its delay comes first
+            self.fields()
+            self.polish()
+            return
         self.parts()
         taken = [p for p, held in self.decided.items() if held.value]
         needed = {name for p in taken for name in self.stated.friction[p].after}
@@ -175,12 +176,12 @@ class FrictionSearch:
             if not all(self.decided[p].value for p in linear):
                 self.polish()
 
-    def fields(self) -> None:
-        """Choose the fields of all parts that are there, one after another."""
+    def fields(self, of: Sequence[int] | None = None) -> None:
+        """Choose the fields of all parts that are there, or of some of them, one after another."""
         for p, name in self._spans:
             names = [name] if name == "width" else self._own_fields(p)
             group = self._group(p, name)
-            if p not in self.absent and p == group[0] and name == names[0]:
+            if p not in self.absent and p == group[0] and name == names[0] and (of is None or p in of):
                 self.found |= {(p, each.field): each for each in self._chosen(group, names)}
 
     def parts(self) -> None:
@@ -202,13 +203,9 @@ class FrictionSearch:
         They are those that were taken, and those of parts that might be missing, of which the stated one is a start.
         """
         optional = [(p, name) for p, name in self.found if name != "width" and self.stated.friction[p].is_optional]
-        if {p for p, _ in optional} == set(self._polished):  # the same parts as before: from what was found then
-            for p, name in optional:
-                self.model = with_values(self.model, [p], {name: getattr(self._polished[p], name)})
         if moved := [key for key, held in self.found.items() if held.value != held.stated or key in optional]:
             finer = self._finer([(self._group(*key), key[1]) for key in moved], POLISHED)
             self.found |= {key: replace(self.found[key], best=x, value=x) for key, x in zip(moved, finer, strict=True)}
-        self._polished = {p: self.model.friction[p] for p, _ in optional}
 
     def with_linear_parts(self) -> dict[int, FieldChoice]:
         """Put the absent parts there that have no field of their own beside a width and that held-out rows ask for."""

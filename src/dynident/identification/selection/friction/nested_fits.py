@@ -25,29 +25,24 @@ class NestedFits:
 
     def __init__(self, learned: Array, judged: Array, shared: int) -> None:
         size = np.sqrt(np.diagonal(learned, axis1=1, axis2=2)[:, :-1])
-        scale = np.where(size > 0, size, 1.0)
-        self.shared, self._first, self._scale = shared, scale[:, :shared], scale[:, shared:]
-        scale = np.append(scale, np.ones((len(scale), 1)), axis=1)
-        square = scale[:, :, None] * scale[:, None]
-        normal = learned / square
-        np.einsum("bkk->bk", normal)[:, :-1] += RIDGE + (size == 0)
-        beside = normal[:, :shared, shared:]
-        self._along = along = np.linalg.solve(normal[:, :shared, :shared], beside)
-        self._normal = normal[:, shared:, shared:] - beside.transpose(0, 2, 1) @ along
-        judged = judged / square
-        own = along.transpose(0, 2, 1) @ (0.5 * judged[:, :shared, :shared] @ along - judged[:, :shared, shared:])
-        self._left = judged[:, shared:, shared:] + own + own.transpose(0, 2, 1)
+        scale, ridge = np.where(size > 0, size, 1.0), RIDGE + (size == 0)
+        first, cross = scale[:, :shared, None], learned[:, :shared, shared:]
+        normal = learned[:, :shared, :shared] / (first * first.transpose(0, 2, 1))
+        np.einsum("bkk->bk", normal)[:] += ridge[:, :shared]
+        self.shared, self._scale, self._ridge = shared, scale[:, shared:], ridge[:, shared:]
+        self._along = along = np.linalg.solve(normal, cross / first) / first
+        self._normal = learned[:, shared:, shared:] - cross.transpose(0, 2, 1) @ along
+        taken = judged[:, :shared, :shared] @ along - 2.0 * judged[:, :shared, shared:]
+        self._left = judged[:, shared:, shared:] + along.transpose(0, 2, 1) @ taken
 
     def coefficients(self, keep: IntArray) -> Array:
         """Return the coefficients of the columns ``keep`` (k,) behind the shared ones, shape (B, k - shared)."""
-        mixed, every = self._mixed(keep)
-        return mixed[:, :-1] / self._scale[:, every[:-1]]
+        return self._mixed(keep)[0][:, :-1]
 
     def residual(self, keep: IntArray) -> Array:
         """Return the coefficients of all columns ``keep`` (k,), and -1 for the torque, shape (B, k + 1)."""
         mixed, every = self._mixed(keep)
-        first = -(self._along[:, :, every] @ mixed[:, :, None])[:, :, 0] / self._first
-        return np.concatenate([first, mixed[:, :-1] / self._scale[:, every[:-1]], mixed[:, -1:]], axis=1)
+        return np.append(-(self._along[:, :, every] @ mixed[:, :, None])[:, :, 0], mixed, axis=1)
 
     def losses(self, keep: IntArray) -> Array:
         """Return the sum of squared residuals of each block by the columns ``keep`` (k,), shape (B,)."""
@@ -55,9 +50,12 @@ class NestedFits:
         return np.sum(mixed * (self._left[:, every[:, None], every] @ mixed[:, :, None])[:, :, 0], axis=1)
 
     def _mixed(self, keep: IntArray) -> tuple[Array, IntArray]:
-        """Return scaled coefficients and -1 for the torque, (B, k - shared + 1), and their columns behind those."""
+        """Return coefficients and -1 for the torque, (B, k - shared + 1), and their columns behind the shared ones."""
         own = keep[self.shared :] - self.shared
-        found = np.linalg.solve(self._normal[:, own[:, None], own], self._normal[:, own, -1:])[:, :, 0]
+        scale = self._scale[:, own]
+        normal = self._normal[:, own[:, None], own] / (scale[:, :, None] * scale[:, None])
+        np.einsum("bkk->bk", normal)[:] += self._ridge[:, own]
+        found = np.linalg.solve(normal, (self._normal[:, own, -1] / scale)[:, :, None])[:, :, 0] / scale
         return np.append(found, np.full((len(found), 1), -1.0), axis=1), np.append(own, -1)
 
 
