@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.model.friction import FRICTION, Friction, Motion
+from dynident.model.friction import FRICTION, Friction, Motion, auto_friction
 from dynident.model.friction.asymmetric import Asymmetric
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
@@ -24,6 +24,7 @@ from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
+from dynident.model.robot import Drive, Robot
 
 SIGNAL = arrays(float, (4, 2), elements=st.floats(-5, 5))
 
@@ -172,3 +173,23 @@ def test_a_motion_of_some_rows_and_drives() -> None:
     np.testing.assert_array_equal(whole.of_drives([2, 0]).ddq, signals[2][:, [2, 0]])
     np.testing.assert_array_equal(whole.rows(slice(1, 4)).temperature, signals[4][1:4])
     assert motion(signals[0]).of_drives([1]).torque is None
+
+
+@pytest.mark.parametrize(
+    ("drive", "is_there"),
+    [(Drive(gain=9.0), True), (Drive(gain=-9.0), True), (Drive(gain=9.0, rotor_inertia=1e-5), False), (Drive(), False)],
+)
+def test_the_automatic_list_holds_rotors_where_torques_are_those_of_currents(
+    planar_2r: Robot, drive: Drive, is_there: bool
+) -> None:
+    robot = planar_2r.with_drives(dict.fromkeys(planar_2r.joint_names, drive), planar_2r.coupling)
+    (rotor,) = (part for part in auto_friction(robot) if isinstance(part, RotorInertia))
+    assert rotor.is_optional is not is_there
+    others = [[part for part in own if part != rotor] for own in (auto_friction(robot), auto_friction())]
+    assert others[0] == [part for part in others[1] if not isinstance(part, RotorInertia)]
+
+
+def test_one_drive_without_a_current_leaves_rotors_to_held_out_samples(planar_2r: Robot) -> None:
+    first = planar_2r.joint_names[0]
+    robot = planar_2r.with_drives({first: Drive(gain=9.0)}, planar_2r.coupling)
+    assert auto_friction(robot) == auto_friction()

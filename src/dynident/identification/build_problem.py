@@ -78,7 +78,7 @@ def build_problem(
     preprocessing, knowledge = preprocessing or default_preprocessing(), knowledge or PriorKnowledge()
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
     if choose_friction:
-        model = replace(model, friction=(*auto_friction(), *motor_ripple(model.robot)))
+        model = replace(model, friction=(*auto_friction(model.robot), *motor_ripple(model.robot)))
     preprocessing, cutoff = with_cutoff(without_optional(model), ordered, preprocessing, progress)
     model, finest = _within_logs(model, ordered, preprocessing)
     progress("preprocessing")

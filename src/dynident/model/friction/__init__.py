@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dynident.errors import BrokenPart
@@ -29,9 +30,15 @@ def default_friction() -> tuple[str, ...]:
     return tuple(name for name, use in _listed() if use.is_default)
 
 
-def auto_friction() -> tuple[Friction, ...]:
-    """Return the parts that ``friction: auto`` stands for, as a draft has them: held-out samples decide on them."""
-    return tuple(FRICTION.make(name, use.options) for name, use in _listed())
+def auto_friction(robot: Robot | None = None) -> tuple[Friction, ...]:
+    """Return the parts that ``friction: auto`` stands for, as a draft has them: held-out samples decide on them.
+
+    Inertia of the rotors is there where all torques are those of motor currents, which turn the rotors as well.
+    """
+    parts = (FRICTION.make(name, use.options) for name, use in _listed())
+    drives = [joint.drive for joint in robot.active] if robot else []
+    of_currents = bool(drives) and all(drive.gain and not drive.rotor_inertia for drive in drives)
+    return tuple(replace(part, choose=None) if of_currents and all(part.is_inertia) else part for part in parts)
 
 
 def called(part: Friction) -> str:
