@@ -5,7 +5,7 @@ payload of 2.6 kg; friction is a fifth higher with it. The currents have noise, 
 sample to sample, of one twentieth of each drive's root mean square current; rows pass the default 5 Hz filter. Printed
 for each kind of knowledge and each method: the share of intervals over all joints and runs that hold the true gain, the
 smallest share of one joint, median relative error and median half width.
-Run: python -m benchmarks.drive_gains [runs] [kind, ...]; kinds: mass centre inertia signed prior
+Run: python -m benchmarks.drive_gains [runs] [kind, ...]; kinds: mass centre inertia signed prior bodies
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dynident.model.friction import Motion
 RATE, SECONDS, SHARE, MEMORY, PAST = 200.0, 20.0, 0.05, 0.9, 200
 GAINS = np.array([14.9, 13.3, 11.1, 10.6, 8.0, 6.5])
 CENTRE, BODY = np.array([0.05, 0.1, 0.04]), np.diag([0.02, 0.015, 0.012])
-KINDS = ("mass", "centre", "inertia", "signed", "prior")
+KINDS = ("mass", "centre", "inertia", "signed", "prior", "bodies")
 TOLD = 0.05
 
 
@@ -67,12 +67,23 @@ class Bench:
         return found
 
 
+def _other_link(link, generator, is_other_body):
+    """Return a link whose mass is off by a share, and where it is another body its centre and its inertia as well."""
+    factor, *shares = 1.0 + TOLD * generator.normal(size=7)
+    if not is_other_body:
+        return Inertia.from_vector(factor * np.asarray(link.vector))
+    size = np.sqrt(np.sum(np.asarray(link.vector)[[0, 3, 5]]) / 2.0 / link.mass)
+    centre = link.centre_of_mass + size * (np.array(shares[:3]) - 1.0)
+    stretch = np.diag(np.sqrt(np.abs(shares[3:])))
+    return Inertia.from_centre_of_mass(factor * link.mass, centre, factor * stretch @ link.about_centre @ stretch)
+
+
 def known_gains(bench, kind, generator, memory, method):
     """Return the gains of one run and the true ones."""
     without, loaded = bench.noisy(generator, memory)
-    if kind == "prior":  # links that are lighter or heavier than the robot model says
-        factors = 1.0 + TOLD * generator.normal(size=len(bench.model.robot.links))
-        theta = bench.model.robot.nominal * np.repeat(factors, 10)
+    if kind in ("prior", "bodies"):  # links are lighter or heavier than the robot model says; or other ones
+        links = [_other_link(link.inertia, generator, kind == "bodies") for link in bench.model.robot.links]
+        theta = np.concatenate([link.vector for link in links])
         return gains_from_prior(bench.model, [without], theta, TOLD, options=GainOptions(method=method)), GAINS
     payload = {
         "mass": CarriedBody(2.6),

@@ -45,10 +45,8 @@ def test_the_rest_of_the_file_stays(tmp_path: Path) -> None:
     assert written.startswith(before)
     assert written.endswith(after)
     assert f"  {first}: {{gear_ratio: 100, gain: 12.25, gain_std: 0.031}}\n" in written
-    assert (
-        f"  {last}: {{gain: ask, bias: 2}}  # ask: the drive gain of {last}, N m/A at the joint; no gain was found\n"
-        in written
-    )
+    asked = f"# ask: the drive gain of {last}, torque per unit of current; not determined # at all"
+    assert f"  {last}: {{gain: ask, bias: 2}}  {asked}\n" in written
     (tmp_path / "case.yaml").write_text(written)
     with pytest.raises(DescriptionError, match=f"line .* asks for the drive gain of {last}"):
         read_case(tmp_path / "case.yaml")

@@ -111,6 +111,17 @@ def test_known_bodies_and_signs(cell: Path, capsys: pytest.CaptureFixture[str]) 
     assert "gains for each sign go into no case file" in capsys.readouterr().out
 
 
+def test_parts_that_identify_would_choose_are_left_out(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    payload = ("--load", "loaded.csv", "--mass", "2", "--com", "0.05,0.02,-0.03", "--json", "--quiet")
+    assert main(["gains", "case.yaml", *payload]) == 0
+    plain = json.loads(capsys.readouterr().out)
+    case, part = Path("case.yaml"), "{stribeck: {velocity: 0.1, width: 0.01, choose: [part, velocity]}}"
+    case.write_text(case.read_text().replace("viscous]", f"viscous, {part}]"))
+    assert main(["gains", "case.yaml", *payload]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["gains"] == plain["gains"] and "left out (stribeck)" in " ".join(found["remarks"])
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [

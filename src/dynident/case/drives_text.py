@@ -53,9 +53,11 @@ def drives_section(robot: Robot, gains: Mapping[str, GainLine], stated: Mapping[
             keys = {key: keys[key] for key in DRIVE_KEYS if key in keys}
         text = ", ".join(f"{key}: {value}" for key, value in keys.items())
         body = f"  {_key(name)}: {{{text}}}" if keys else f"  # {_printable(name)}: no gain"
-        remark = "" if line is None or not line.remark else f"  # {_printable(line.remark)}"
+        told = "" if line is None else line.remark
+        remark = f"  # {_printable(told)}" if told else ""
         if keys.get("gain") == ASK:
-            remark = f"  {MARK} the drive gain of {_printable(name)}, N m/A at the joint; no gain was found"
+            asked = f"the drive gain of {_printable(name)}, torque per unit of current"
+            remark = f"  {MARK} {asked}; {_printable(told or 'none was found')}"
         lines.append(body + remark)
     return "\n".join(lines) + "\n"
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     prior = parser.add_argument_group("known bodies (without --load)")
     prior.add_argument("--prior", metavar="FILE", help="description or estimate with the inertias; default: the case's")
     prior.add_argument(
-        "--prior-share", type=float, metavar="SHARE", help="std of the factor by which each link may be off; 0: exact"
+        "--prior-share", type=float, metavar="SHARE", help="relative std of the links and their parameters; 0: exact"
     )
     how = parser.add_argument_group("method")
     how.add_argument("--method", default="structured", metavar="NAME", help="structured (default), tls, wls or ols")
@@ -73,10 +74,13 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place, write_atomically
+    from dynident.model.friction import FRICTION
 
     payload = _payload(options)
     options.split, options.test, options.rate = None, [], None  # not asked for here
     case = jobs.case_from(options, open_gains=True)
+    optional = [FRICTION.name_of(part) for part in case.friction if part.is_optional]
+    case = replace(case, friction=tuple(part for part in case.friction if not part.is_optional))
     names = tuple(options.logs) or case.train
     if not names:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
@@ -89,6 +93,11 @@ def run(options: argparse.Namespace) -> int:
         check_outputs((options.output,), inputs)
     with console.progress(8, options.quiet or options.json) as progress:
         found = _found(case, names, options, payload, progress)
+    if optional:
+        told = (
+            f"friction parts that held-out samples choose are left out ({', '.join(optional)}); --friction names parts"
+        )
+        found = replace(found, remarks=(*found.remarks, told))
     lines = _lines(found)
     section = drives_section(case.robot, lines, stated_drives(case.path, data) if data else {})
     if options.output:
@@ -196,13 +205,16 @@ def _lines(found: DriveGains) -> dict[str, GainLine]:
     """Return the gains as they go into a case; one for each sign goes into none."""
     from dynident.case.drives_text import GainLine
 
-    return {
-        gain.joint: GainLine(gain.value, gain.deviation, "")
-        if gain.known
-        else GainLine(None, 0.0, "these logs do not determine its gain")
-        for gain in found.gains
-        if not gain.sign
-    }
+    lines = {}
+    for gain in found.gains:
+        if gain.sign:
+            continue
+        told = "these logs do not determine it"
+        if abs(gain.low) < float("inf") > abs(gain.high):
+            told = f"{gain.low:.3g} to {gain.high:.3g} by these logs"
+        known = GainLine(gain.value, gain.deviation, "")
+        lines[gain.joint] = known if gain.known else GainLine(None, 0.0, told)
+    return lines
 
 
 def _show(found: DriveGains, section: str, output: str | None) -> None:
@@ -245,11 +257,12 @@ def _table(found: DriveGains) -> Table:
     for gain in found.gains:
         shown, _ = format_value(gain.value, abs(gain.value) * gain.deviation)
         ends = [format_number(end, 4) if abs(end) < float("inf") else MISSING for end in (gain.low, gain.high)]
+        has_ends = MISSING not in ends
         rows.append(
             (
                 label(gain.name),
-                shown if gain.known else MISSING,
-                *(ends if gain.known else [MISSING, MISSING]),
+                shown if has_ends else MISSING,
+                *(ends if has_ends else [MISSING, MISSING]),
                 pretty_unit(gain.unit),
                 format_percent(gain.deviation, sign=False) if abs(gain.deviation) < float("inf") else MISSING,
                 *(format_number(value, 2) for value in (gain.current, gain.driven, gain.residual)),

@@ -17,7 +17,7 @@ from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
 from dynident.identification.uncertainty.propagation import gain_slopes, gain_uncertainty
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Robot
+from dynident.model.robot import Drive, Link, Robot
 
 GAINS = np.array([14.0, -9.0, 6.0])
 
@@ -42,13 +42,33 @@ def test_a_share_takes_wrong_bodies_into_the_intervals(spatial_3r: Robot) -> Non
     assert spatial_3r.nominal is not None
     generator, inside, narrow = np.random.default_rng(3), [], []
     for seed in range(16):
-        theta = spatial_3r.nominal * np.repeat(1 + 0.05 * generator.normal(size=3), 10)
+        theta = np.concatenate([another(link, 0.05, generator) for link in spatial_3r.links])
         log = arm.log(False, 0.05, seed)
         for share, held in ((0.05, inside), (0.0, narrow)):
             gains = gains_from_prior(arm.model, [log], theta, share, GIVEN)
             held.append([gain.low <= true <= gain.high for gain, true in zip(gains.gains, GAINS, strict=True)])
     assert 0.85 <= np.mean(inside) <= 1.0
     assert np.mean(narrow) < 0.8  # what taking them for exact costs
+
+
+def test_bodies_that_are_far_from_the_stated_ones_do_not_shrink_the_gains(spatial_3r: Robot) -> None:
+    arm, generator = LoadedArm(spatial_3r, GAINS), np.random.default_rng(5)
+    for seed in range(4):
+        theta = np.concatenate([another(link, 0.3, generator) for link in spatial_3r.links])
+        found = gains_from_prior(arm.model, [arm.log(False, 0.05, seed)], theta, 0.05, GIVEN)
+        ratios = np.array([gain.value for gain in found.gains]) / GAINS
+        assert 0.5 < ratios.min() and ratios.max() < 2.0, ratios
+
+
+def another(link: Link, share: float, generator: np.random.Generator) -> np.ndarray:
+    """Return the ten parameters of a link whose mass, centre and inertia are off by a share."""
+    body = link.inertia
+    assert body is not None
+    factor, *steps = 1.0 + share * generator.normal(size=5)
+    size = np.sqrt(np.sum(np.asarray(body.vector)[[0, 3, 5]]) / 2.0 / body.mass)
+    centre = body.centre_of_mass + size * (np.array(steps[:3]) - 1.0)
+    inertia = factor * abs(steps[3]) * body.about_centre
+    return np.asarray(Inertia.from_centre_of_mass(factor * body.mass, centre, inertia).vector)
 
 
 def test_a_drive_that_the_bodies_hardly_ask_for_is_named(spatial_3r: Robot) -> None:

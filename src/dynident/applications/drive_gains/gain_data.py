@@ -77,21 +77,21 @@ def current_rows(data: GainData, inverse_gains: Array, z: Array) -> Linearised:
         torque = np.append(unknowns.beta(run, z), [1.0, 0.0])
         slope = np.zeros((groups, len(torque), groups + unknowns.count))
         slope[np.arange(groups), :, np.arange(groups)] = torque
-        slope[:, :-2, groups:] = inverse_gains[:, None, None] * unknowns.maps[run]
+        slope[:, :-2, groups:] = inverse_gains[:, None, None] * unknowns.slopes(run, z)
         maps.append(slope)
         vectors.append(np.outer(inverse_gains, torque))
     return Linearised(tuple(maps), tuple(vectors), True)
 
 
 def torque_rows(data: GainData, gains: Array, z: Array) -> Linearised:
-    """Return the rows W known_s + known = K i - W map_s z, residuals in N m, at gains K (G,) and z (Z,)."""
+    """Return the rows W known_s + known = K i - W slopes_s z, residuals in N m, at gains K (G,) and z (Z,)."""
     groups, unknowns = len(data.groups), data.unknowns
     maps, vectors = [], []
     for run in range(len(data.rows)):
         beta = unknowns.beta(run, z)
         slope = np.zeros((groups, len(beta) + 2, groups + unknowns.count))
         slope[np.arange(groups), -1, np.arange(groups)] = 1.0
-        slope[:, :-2, groups:] = -unknowns.maps[run]
+        slope[:, :-2, groups:] = -unknowns.slopes(run, z)
         maps.append(slope)
         vectors.append(np.column_stack([np.tile(np.append(-beta, -1.0), (groups, 1)), 1.0 + gains]))
     return Linearised(tuple(maps), tuple(vectors), False)

@@ -30,6 +30,9 @@ from dynident.model.dynamic_model import DynamicModel
 #: Passes of load-dependent friction agree when no gain changes by more than this share.
 AGREED = 1e-4
 
+#: How often it is told what rows are worth beside what is known of the bodies, from the residual of the fit before.
+WORTHS = 2
+
 #: Gains beyond this are not determined; for the delay of the currents, which no common factor changes, they are scaled
 #: down, so that the currents still read as torques.
 LARGEST_GAIN = 1e6
@@ -107,13 +110,13 @@ def gains_from_prior(
     """Return the drive gains of an arm whose bodies are known: gravity and inertia against the currents.
 
     Friction and rotors are found along with the gains. What is wrong about the bodies is wrong about the gains; with
-    a share each link's ten parameters are one factor off, normal about 1, which the intervals then take in.
+    a share each link is a factor off and each of its parameters by an error of its own, which the intervals take in.
 
     Args:
         model: Robot and friction.
         logs: Logs with currents.
         theta: Standard parameters, shape (10 l,) or longer; None for those of the robot model.
-        share: Standard deviation of the factor of each link; 0 takes the bodies for exact.
+        share: Relative standard deviation of links and of their parameters; 0 takes the bodies for exact.
         preprocessing: How logs become rows.
         options: Method, signs and confidence.
         progress: Called with each step in words.
@@ -237,14 +240,15 @@ class _Solve:
 
     def _solved(self, data: GainData) -> GainFit:
         self.progress(f"method {self.options.method}")
-        fit = fit_gains(data, self.options.method)
         if not np.any(np.isfinite(self.unknowns.deviations)):
-            return fit
+            return fit_gains(data, self.options.method)
         # What is known of z weighs as one row: the rows of the logs must count as what they are worth.
-        residual = [rows.group_residuals(vectors) for rows, vectors in zip(data.rows, fit.rows.vectors, strict=True)]
-        return fit_gains(
-            data, self.options.method, correlation_factors(residual, [rows.counting for rows in data.rows])
-        )
+        fit = fit_gains(data, "ols")
+        for _ in range(WORTHS):
+            residual = [rows.group_residuals(each) for rows, each in zip(data.rows, fit.rows.vectors, strict=True)]
+            worth = correlation_factors(residual, [rows.counting for rows in data.rows])
+            fit = fit_gains(data, self.options.method, worth)
+        return fit
 
     def _delayed(self, runs: Runs, fit: GainFit) -> tuple[tuple[float, ...], tuple[tuple[Prepared, ...], ...]]:
         """Return the delay of each log, and the logs prepared with it."""

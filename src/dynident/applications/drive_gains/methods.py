@@ -41,6 +41,9 @@ HALVINGS = 20
 #: A step changes an inverse gain by this share at most.
 LONGEST = 0.5
 
+#: A gain below this share of the one that a fit starts from is on its way to nothing, and stays there.
+LOST = 1e-3
+
 #: The fit has converged when the logarithm of its likelihood changes by less, twice; one is a standard deviation.
 CONVERGED = 1e-6
 
@@ -135,9 +138,11 @@ def _structured(data: GainData, start: GainFit, thin: Array) -> GainFit:
     groups = len(data.groups)
     inverse = 1.0 / np.where(start.gains == 0, 1.0, start.gains)
     here = there = _likely(data, inverse, start.z, thin)
-    calm = 0
+    calm, least = 0, np.abs(inverse) / LOST
     for step in range(1, STEPS + 1):
-        change = solved(*with_prior(data, *stacked(data, here.rows, here.weights), here.z))[:groups]
+        slopes, residuals = with_prior(data, *stacked(data, here.rows, here.weights), here.z)
+        slopes[:, :groups][:, np.abs(here.inverse) > least] = 0.0
+        change = solved(slopes, residuals)[:groups]
         size = min(1.0, LONGEST / max(float(np.max(np.abs(change / here.inverse))), 1e-300))
         for _ in range(HALVINGS):
             inverse = here.inverse + size * change

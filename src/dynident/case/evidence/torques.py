@@ -24,6 +24,9 @@ EXPLAINED = 0.5
 #: Factor between torques and those of the masses from which a unit is suspected: robot models are off by less.
 OFF = 2.5
 
+#: Share of the heaviest mass, and size in m, of which the errors of a body are shares at least.
+LIGHT, SMALL = 1e-3, 0.02
+
 #: Samples a second that are enough for this, and rows at most.
 _RATE, _ROWS = 50.0, 4000
 
@@ -109,3 +112,15 @@ def scale_against(described: Array, logged: Array) -> tuple[float, float]:
 def agrees(ratio: float) -> bool:
     """Return whether a scale is one that the errors of a robot model explain; its sign counts."""
     return 1 / OFF <= ratio <= OFF
+
+
+def body_errors(bodies: Array) -> Array:
+    """Return the size of an error of one of each parameter of some bodies (l, 10), shape (10 l,).
+
+    Its mass; of first moments mass times size, of moments of inertia mass times size squared, with the radius of
+    gyration about the origin of the link's frame for the size.
+    """
+    mass = np.maximum(bodies[:, -1], LIGHT * bodies[:, -1].max(initial=0.0))
+    spread = np.maximum(bodies[:, [0, 3, 5]].sum(axis=1), 0.0) / np.where(mass > 0, mass, 1.0)
+    size = np.maximum(np.sqrt(0.5 * spread), SMALL)
+    return np.repeat(np.stack([mass * size**2, mass * size, mass], axis=1), [6, 3, 1], axis=1).ravel()

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, IntArray
+from dynident.case.evidence.torques import body_errors
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, load_columns, own_inertia
@@ -44,9 +45,6 @@ FIRST, LEAST, LARGEST, SEARCHED, SETTLED, SHORTEST = 0.1, 1e-5, 1e3, 30, 1e-2, 0
 
 #: Share of a step to the straight lines of a load about new values that is gone, as they turn.
 HALF = 0.5
-
-#: Share of the heaviest mass, and size in m, of which the errors of a body are shares at least.
-LIGHT, SMALL = 1e-3, 0.02
 
 #: Causes that have no meaning against bodies: friction may be another one.
 LEFT_OUT = ("friction curve",)
@@ -179,11 +177,9 @@ def nominal_bodies(model: DynamicModel, base: BaseParameters, robot: Robot, roto
         return None
     count = model.inertial_count
     bodies = theta[:count].reshape(-1, TEN)
-    mass = np.maximum(bodies[:, -1], LIGHT * bodies[:, -1].max(initial=0.0))
-    if not np.any(mass > 0):
+    if not np.any(bodies[:, -1] > 0):
         return None
-    size = np.maximum(np.sqrt(0.5 * np.maximum(bodies[:, [0, 3, 5]].sum(axis=1), 0.0) / mass), SMALL)
-    errors = np.repeat(np.stack([mass * size**2, mass * size, mass], axis=1), [6, 3, 1], axis=1).ravel()
+    errors = body_errors(bodies)
     rotor = np.array([parameter.kind == "rotor" for parameter in model.parameters])
     held = base.independent < count
     if not rotors_known:
