@@ -58,6 +58,12 @@ class Stated:
         return "wide" if error <= self.half else "false"
 
     @property
+    def is_narrow(self) -> bool:
+        """Whether half of the interval is a small share of what is told."""
+        size = self.value if self.is_factor else self.value - self.nothing
+        return self.half <= WIDE * float(np.linalg.norm(np.atleast_1d(size)))
+
+    @property
     def is_factor(self) -> bool:
         """Whether the value is a factor, 1 without a fault."""
         return np.ndim(self.value) == 0 and self.nothing == 1.0
@@ -141,14 +147,14 @@ def without_fault(finding: Finding, twice: Sequence[tuple[Trial, Sequence[Findin
     """Return the figure of a recorded log without a fault, by what is told with some of it and with twice as much.
 
     What a recorded log has of itself is not told where it is small, and adds to the fault all the same. None where it
-    is not told both times.
+    is not told both times, in intervals that are narrow: a wide one extrapolates to any figure.
     """
     key = (finding.name, finding.joint)
     once, more = (
         next((stated(one, trial) for one in findings if (one.name, one.joint) == key), None)
         for trial, findings in twice
     )
-    if once is None or more is None:
+    if once is None or more is None or not (once.is_narrow and more.is_narrow):
         return None
     values = np.asarray(once.value), np.asarray(more.value)
     return values[0] ** 2 / values[1] if once.is_factor else 2.0 * values[0] - values[1]

@@ -41,14 +41,14 @@ SLOW = 3
 FACTOR = 4.0
 
 
-def off(generator: np.random.Generator, bodies: list[Body]) -> list[Body]:
-    """Return the bodies as they were built, their frames a little off the described ones."""
+def off(generator: np.random.Generator, bodies: list[Body], leaning: bool = True) -> list[Body]:
+    """Return the bodies as they were built: frames a little off the described ones, the first axis if ``leaning``."""
     built = []
     for body in bodies:
         axis = np.asarray(body.axis) + generator.normal(0, TURNED, 3)
         place = np.asarray(body.place) + generator.normal(0, MOVED, 3)
         built.append(replace(body, axis=axis / np.linalg.norm(axis), place=place))
-    return built
+    return built if leaning else [replace(built[0], axis=bodies[0].axis), *built[1:]]
 
 
 def with_errors(generator: np.random.Generator, trial: Trial, share: float, named: float = 1.0) -> Trial:
@@ -74,17 +74,18 @@ def with_errors(generator: np.random.Generator, trial: Trial, share: float, name
     return trial.with_columns(tau=tau + more, q=trial.columns["q"] + bend)
 
 
-def arm(seed: int, folder: Path, named: float = 1.0) -> tuple[Trial, float, list[Body]]:
-    """Return the log of the arm of a seed, the share of each torque that no model has at most, and the bodies as built.
+def arm(seed: int, folder: Path, named: float = 1.0, leaning: bool = True) -> tuple[Trial, float]:
+    """Return the log of the arm of a seed, and the share of each torque that no model has at most.
 
     Args:
         seed: Of the arm.
         folder: Where its case is written.
         named: As of :func:`with_errors`.
+        leaning: Whether the first axis leans against the described one.
     """
     generator = np.random.default_rng([124, seed])
     bodies = robot(generator)
-    built = off(generator, bodies)
+    built = off(generator, bodies, leaning)
     truth, described = urdf("arm", built, seed), urdf("arm", bodies)
     columns, side = log(generator, bodies, truth)
     (folder / "arm.urdf").write_text(described)
@@ -92,12 +93,12 @@ def arm(seed: int, folder: Path, named: float = 1.0) -> tuple[Trial, float, list
     text = f"case: 2\nrobot: arm.urdf\nfriction: [coulomb, viscous, offset{rotors}]\n"
     (folder / "case.yaml").write_text(text)
     case, lack = read_case(folder / "case.yaml"), float(10 ** generator.uniform(*LACKS))
-    return with_errors(generator, Trial(case, columns), lack, named), lack, built
+    return with_errors(generator, Trial(case, columns), lack, named), lack
 
 
 def fits(seed: int, folder: Path) -> tuple[list[QuickFit | None], float]:
     """Return the quick fits of the arm of a seed, as it is and with a joint's torque times ``FACTOR``, and its lack."""
-    (right, lack, _), found = arm(seed, folder), []
+    (right, lack), found = arm(seed, folder), []
     for trial in (right, put.scaled(right, FACTOR - 1.0, seed % right.joints)):
         written(trial.columns, folder / "run.csv")
         found.append(quick_fit(trial.case, trial.case.read(folder / "run.csv")))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,13 @@ from benchmarks.faults import injections as put
 from benchmarks.faults.figures import stated
 from benchmarks.faults.trials import Trial, subject_of, virtual
 
+from dynident.arrays import Array
 from dynident.case.case import read_case
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_figures import figured
-from dynident.diagnosis.causes.cause_search import Cause, CauseSearch
+from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.model_error import ModelError
+from dynident.diagnosis.causes.trend_findings import trend_finding
 from dynident.diagnosis.checks.residual_trends import ResidualTrends
 from dynident.diagnosis.checks.torque_delay import TorqueDelay
 
@@ -84,3 +87,39 @@ def test_a_spring_and_a_counterbalance_that_cancel_have_the_size_of_their_sum() 
     assert values["spring"] == pytest.approx(20.0, rel=0.05) and values["counterbalance"] == pytest.approx(
         -20.0, rel=0.05
     )
+
+
+def test_a_rival_has_its_figure_about_the_bodies_beside_it() -> None:
+    """Its columns are made again with the bodies of the fit in which it stands in the place of the likelier cause."""
+    generator, count = np.random.default_rng(1), 400
+    motion = generator.normal(size=count)
+    near = motion + 1e-3 * generator.normal(size=count)
+    target = motion + 0.05 * generator.normal(size=count)
+    causes = [
+        Cause(name, "", own[None, :, None], is_filtered=True) for name, own in (("tilt", motion), ("time scale", near))
+    ]
+    ones, masks = np.ones((count, 1)), np.ones((count, 1), bool)
+    rows = CauseRows([ones], [np.arange(1)], 1, target[:, None], target[:, None], masks)
+    search = CauseSearch(rows, causes)
+    (blame,) = blames = search.blames()
+    assert len(blame.rivals) == 1
+
+    def doubled(cause: Cause, beta: Array) -> Cause:
+        is_rival = cause.name == blame.rivals[0].cause.name
+        return replace(cause, columns=2.0 * cause.columns) if is_rival else cause
+
+    for again, wanted in ((lambda cause, beta: cause, 1.0), (doubled, 0.5)):
+        (told,) = figured(search, blames, ModelError(4, [np.eye(count // 4)]), again)
+        assert told.values[0] == pytest.approx(1.0, abs=0.02)
+        assert told.rivals[0].values[0] == pytest.approx(wanted, abs=0.02)
+
+
+def test_the_circle_of_a_wave_holds_both_of_its_coefficients() -> None:
+    """Of two normal deviates 95 % lie within 2.448 of their means, of one within 1.960."""
+    covariance = np.diag([0.01, 0.0025])
+    cause = Cause("counterbalance", "elbow", np.ones((2, 4, 1)))
+    sizes = np.ones(1)
+    for freedom, radius in ((np.inf, 2.448), (10.0, np.sqrt(2 * 4.103))):  # tables of Fisher's distribution
+        blame = Blame(cause, np.array([3.0, 4.0]), covariance, 9.0, 1.0, 0.9, 0.2, sizes, sizes, (), freedom)
+        numbers = trend_finding(blame, None).numbers  # type: ignore[arg-type]  # no robot is needed for a wave
+        assert numbers["value"] == pytest.approx(5.0) and numbers["half_width"] == pytest.approx(0.1 * radius, rel=1e-3)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
+import pytest
+from benchmarks.faults import injections as put
 from benchmarks.faults.trials import virtual
 
+from dynident.arrays import Array
 from dynident.case.case import read_case
 from dynident.diagnosis.causes.model_error import INDEPENDENT, ModelError
 from dynident.diagnosis.causes.quick_fit import quick_fit
 from dynident.diagnosis.causes.torque_scales import joint_scales
+from dynident.model.friction import Motion
 
 ROWS, COLUMNS, DRAWS = 120, 6, 200
 
@@ -40,10 +47,13 @@ def test_intervals_hold_where_the_error_follows_the_state_and_stay_narrow_where_
     assert share > 0.9 and wide < 1.5
 
 
-def test_a_bend_that_no_model_has_widens_the_interval_of_a_scale_that_noise_does_not(tmp_path) -> None:
+@pytest.mark.parametrize("state", [lambda motion: 3.0 * motion.q, lambda motion: motion.ddq / motion.ddq.std(axis=0)])
+def test_an_error_of_positions_or_accelerations_widens_the_interval_of_a_scale_that_noise_does_not(
+    state: Callable[[Motion], Array], tmp_path: Path
+) -> None:
     right = virtual(read_case("generic-6r"))
-    q = right.columns["q"]
-    bent = right.with_columns(tau=right.columns["tau"] + 0.03 * right.columns["tau"].std(axis=0) * np.sin(3 * q))
+    more = 0.03 * right.columns["tau"].std(axis=0) * np.sin(state(put.smoothed(right)))
+    bent = right.with_columns(tau=right.columns["tau"] + more)
     spreads = []
     for trial in (right, bent):
         fit = quick_fit(trial.case, trial.case.read(trial.written(tmp_path)))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.faults import injections as put
 from benchmarks.faults.trials import Trial, virtual
 
 from dynident.case.case import Case
@@ -116,13 +117,38 @@ def test_of_two_logs_that_differ_each_is_examined_alone(trials: list[Trial], tmp
 
 
 def test_two_logs_that_contradict_each_other_say_so(trials: list[Trial], tmp_path: Path) -> None:
-    """Torques of all joints in another unit: no log shows it alone."""
-    mixed = [trials[0], trials[1].with_columns(tau=1.6 * trials[1].columns["tau"])]
-    found = examine_logs(trials[0].case, written(mixed, tmp_path))
+    """Friction three times that of the other day: no log shows it alone."""
+    speed = trials[1].columns["dq"][:, 2]
+    tau = trials[1].columns["tau"].copy()
+    tau[:, 2] += 6.0 * np.tanh(speed / 0.01)
+    found = examine_logs(trials[0].case, written([trials[0], trials[1].with_columns(tau=tau)], tmp_path))
     assert len(found) == 2
     for one in found:
         (finding,) = [each for each in one.findings if each.name == "unlike other logs"]
         assert finding.severity == "warning" and finding.evidence.startswith("no two logs agree")
+
+
+@pytest.mark.parametrize("factor", [0.45, 1.6, 2.2])
+def test_torques_of_all_joints_that_the_masses_contradict_are_told_with_their_factor(
+    factor: float, trials: list[Trial], tmp_path: Path
+) -> None:
+    mixed = [trials[0], trials[1].with_columns(tau=factor * trials[1].columns["tau"])]
+    right, wrong = examine_logs(trials[0].case, written(mixed, tmp_path))
+    assert not any(one.name == "torque scale" for one in right.findings)
+    (scale,) = [one for one in wrong.findings if one.name == "torque scale"]
+    assert scale.severity == "warning" and scale.joint == ""
+    assert abs(1.0 + scale.numbers["value"] - factor) < 0.02 * factor
+
+
+def test_a_delay_of_several_logs_has_no_count_of_samples(trials: list[Trial], tmp_path: Path) -> None:
+    """Their rates differ."""
+    late = [put.delayed(trial, 0.01 / put.step_of(trial)) for trial in trials]
+    together = examine_logs(trials[0].case, written(late, tmp_path))[-1]
+    alone = examine(trials[0].case, str(late[1].written(tmp_path, "alone")))
+    for one, is_counted in ((together, False), (alone, True)):
+        (delay,) = [each for each in one.findings if each.name == "torque delay"]
+        assert abs(delay.numbers["delay_s"] - 0.01) < 1e-3
+        assert ("2.49 samples" in delay.evidence) == is_counted and ("samples" in delay.evidence) == is_counted
 
 
 def test_a_log_that_cannot_be_read_keeps_its_place(trials: list[Trial], tmp_path: Path) -> None:

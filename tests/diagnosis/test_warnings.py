@@ -12,7 +12,7 @@ from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, i
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.diagnosis.verdict import check_warnings, errors_in
 from dynident.diagnosis.warnings import warnings_of
-from dynident.identification.problem.choices import Choices, GainUncertainty
+from dynident.identification.problem.choices import Choices, GainUncertainty, NoiseBias
 from dynident.model.friction import FRICTION, Motion
 
 
@@ -125,6 +125,16 @@ def test_doubtful_drive_gains_are_told_with_what_they_move() -> None:
         stated = Choices(gain_std=GainUncertainty(relative, tuple(moved.tolist())))
         (found,) = warnings_of(replace(estimate, choices=stated))
         assert found.startswith(f"drive gains have a relative std of {span}: it shifts 3 of {len(moved)} parameters")
+
+
+def test_noise_of_the_positions_is_told_in_the_unit_of_each_joint() -> None:
+    """The largest of hinges in rad and of slides in m: one is not larger than the other."""
+    model, log = recorded()
+    estimate = identify(model, [log], "wls", preprocessing=HOW)
+    noise = NoiseBias((2e-4, 3e-4, 1e-5, 1e-4), tuple((0.9 * estimate.std).tolist()))
+    (text,) = [one for one in warnings_of(replace(estimate, choices=Choices(position_noise=noise))) if "noise" in one]
+    names = model.robot.joint_names
+    assert f"(std 0.0003 rad of {names[1]} and 1e-05 m of {names[2]})" in text
 
 
 def test_what_is_found_in_several_logs_is_told_once() -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.faults import injections as put
+from benchmarks.faults.trials import LEARNED, REAL, recorded, subject_of
 
 from dynident.api.log_checks import check_logs
 from dynident.case.case import read_case
@@ -52,6 +54,23 @@ def test_a_turned_sign_is_told_and_no_scale_that_leaves_its_joint_unexplained(
     case = read_case(ROOT / "examples" / "cases" / "panda.yaml")
     grave = [one for one in examine(case, str(tmp_path / "turned.csv")).findings if one.severity == "error"]
     assert [(one.name, one.joint) for one in grave] == [("torque sign", "joint4")]
+
+
+def test_a_lean_that_passes_for_a_delay_is_a_lean_and_a_delay_a_delay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In 14 s with the robot's torques alone, a lean of 2 degrees passes for a delay of 16 ms."""
+    if not (DATA / REAL["panda"]).is_file():
+        pytest.skip(f"no {REAL['panda']} under DYNIDENT_DATA or ../shared/data")
+    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    whole = recorded("panda")
+    log = whole.rows(np.arange(int(LEARNED * len(whole.columns["t"]))))
+    leaning = subject_of(put.tilted(log, 2.1, np.random.default_rng(1)), tmp_path)
+    assert leaning.trends is not None and leaning.delay is not None and leaning.delay.applied == 0.0
+    (lean,) = [blame for blame in leaning.trends.blames if blame.cause.name == "tilt"]
+    assert 1.7 < np.degrees(np.linalg.norm(lean.values)) < 2.5
+    late = subject_of(put.delayed(log, 10.0), tmp_path)
+    assert late.delay is not None and abs(late.delay.applied - 10.0 * put.step_of(log)) < 4e-3
 
 
 @pytest.mark.battery

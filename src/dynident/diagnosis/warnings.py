@@ -102,9 +102,11 @@ def _position_noise(estimate: Estimate) -> list[str]:
     moved = np.flatnonzero(bias > own)
     if not len(moved):
         return []
-    joint, worst = int(np.argmax(found.positions)), estimate.base.names[int(np.argmax(bias / own))]
-    unit = "m" if estimate.model.robot.active[joint].kind == "prismatic" else "rad"
-    size = f"{found.positions[joint]:.2g} {unit} of {estimate.model.robot.joint_names[joint]}"
+    worst, largest = estimate.base.names[int(np.argmax(bias / own))], dict[str, tuple[float, str]]()
+    for joint, noise in zip(estimate.model.robot.active, found.positions, strict=True):
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        largest[unit] = max(largest.get(unit, (0.0, "")), (float(noise), joint.name))
+    size = " and ".join(f"{noise:.2g} {unit} of {name}" for unit, (noise, name) in largest.items())
     return [
         f"noise of the positions (std {size}) may bias {len(moved)} of {estimate.base.count} parameters by more than "
         f"their other errors (errors-in-variables bias, most {worst}), which their intervals allow for: lower the "

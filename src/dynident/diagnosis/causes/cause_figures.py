@@ -35,11 +35,8 @@ def figured(
         error: Errors of the model at its rows.
         again: Makes the columns of a cause with the base parameters of a fit, shape (b,).
     """
-    rows, causes = found.rows, [blame.cause for blame in blames]
-    solved = _fit(rows, causes)
-    made = [again(cause, solved.beta[: rows.size]) for cause in causes]
-    if any(new is not old for new, old in zip(made, causes, strict=True)):
-        causes, solved = made, _fit(rows, made)
+    rows = found.rows
+    causes, solved = _about_their_bodies(rows, [blame.cause for blame in blames], again)
     errors = _errors(rows, causes, solved, error)
     numbers = [_number(found, blame.cause) for blame in blames]
     told = []
@@ -49,10 +46,11 @@ def figured(
             number, beside = _number(found, rival.cause), [*causes[:k], rival.cause, *causes[k + 1 :]]
             if number in others:
                 continue  # it was taken in later, and is told itself
-            fit = _fit(rows, beside)
+            beside, fit = _about_their_bodies(rows, beside, again)
             columns = errors.with_columns(_columns(rows, beside, fit, error))
             ((_, times),) = found.worths([(*others, number)])
-            rivals.append(_figured(rival, fit, _places(rows, beside, k), columns.widening, times))
+            told_of = _figured(rival, fit, _places(rows, beside, k), columns.widening, times)
+            rivals.append(replace(told_of, cause=beside[k]))
         ((_, times),) = found.worths([(*others, numbers[k])])
         one = _figured(blame, solved, _places(rows, causes, k), errors.widening, times)
         told.append(replace(one, cause=causes[k], rivals=tuple(rivals)))
@@ -90,6 +88,17 @@ def _figured(
 def _fit(rows: CauseRows, causes: Sequence[Cause]) -> Solved:
     """Return the fit of all columns with some causes."""
     return CauseSearch(rows, causes).fit(range(len(causes)))
+
+
+def _about_their_bodies(
+    rows: CauseRows, causes: list[Cause], again: Callable[[Cause, Array], Cause]
+) -> tuple[list[Cause], Solved]:
+    """Return causes with their columns made again with the bodies beside them, and the fit with these."""
+    solved = _fit(rows, causes)
+    made = [again(cause, solved.beta[: rows.size]) for cause in causes]
+    if all(new is old for new, old in zip(made, causes, strict=True)):
+        return causes, solved
+    return made, _fit(rows, made)
 
 
 def _number(search: CauseSearch, cause: Cause) -> int:

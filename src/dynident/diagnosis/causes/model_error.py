@@ -1,11 +1,11 @@
 """What errors of the model make of a coefficient of a quick fit: how much its interval has to be wider.
 
-What a model lacks, such as a bend of a link or friction that nobody described, is no noise: it comes back whenever the
-arm comes back, the columns of the fit take most of it in, and what they leave looks small. At each joint it is taken as
-two normal random functions of the same variance, one of the positions and velocities of all joints, one of its own,
-each over its standard deviation, with squared exponential covariances (Kennedy and O'Hagan 2001). The residual of each
-joint is these and white noise; both variances follow from two quadratic forms of it, with what the fit takes in counted
-(Rao 1971).
+What a model lacks, such as a bend of a link, an axis that is a little off, or friction that nobody described, is no
+noise: it comes back whenever the arm comes back, the columns of the fit take most of it in, and what they leave looks
+small. At each joint it is taken as two normal random functions of the same variance, one of the positions, velocities
+and accelerations of all joints, one of its own, each over its standard deviation, with squared exponential covariances
+(Kennedy and O'Hagan 2001). The residual of each joint is these and white noise; both variances follow from two
+quadratic forms of it, with what the fit takes in counted (Rao 1971).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class ModelError:
     def of_fit(cls, fit: QuickFit) -> ModelError:
         """Return that of the rows of a log."""
         motion = motion_of(fit.rows.prepared.kept)
-        states = np.stack([np.asarray(motion.q), np.asarray(motion.dq)], axis=2)
+        states = np.stack([np.asarray(part) for part in (motion.q, motion.dq, motion.ddq)], axis=2)
         every = max(INDEPENDENT, int(np.ceil(len(states) / MOST)))
         states = states[::every] - states.mean(axis=0)
         spread = states.std(axis=0)

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dynident.diagnosis.causes.cause_search import Blame
+from dynident.diagnosis.causes.cause_search import MANY, Blame
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trends import across_gravity
@@ -19,7 +19,7 @@ from dynident.model.robot import Joint
 #: it acts on the whole arm, that it has, from which the result suffers.
 EXPLAINED, MATTERS, MATTERS_ALL = 0.5, 0.1, 0.03
 
-#: A scale of all torques further off one is that of another check.
+#: A scale of one torque further off one is that of another check.
 FAR_SCALE = 0.5
 
 #: Half the change of the squared speed of a clock from which it is not told.
@@ -50,7 +50,7 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
     What the speed of a clock does to inertial torques is its square, of which the coefficient is the straight line.
     The column of a torque's scale is a straight line through a curve: of one joint the profile likelihood has the
     figures, and those of another scale altogether are told by the check of the scales. Without one the bodies that are
-    known beforehand decide.
+    known beforehand decide; a scale of all torques is linear in these.
     """
     if blame.cause.name == "time scale":
         if abs(float(blame.values[0])) >= FAR_CLOCK:
@@ -61,7 +61,7 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
         return blame
     scale = scale_of(blame.cause.joint)
     if scale is None:
-        return blame if abs(float(blame.values[0])) < FAR_SCALE else None
+        return blame if not blame.cause.joint or abs(float(blame.values[0])) < FAR_SCALE else None
     if scale.is_open or scale.is_other or scale.low <= 1 <= scale.high:
         return None
     deviation = scale.spread / (Z95 * scale.factor)
@@ -116,8 +116,13 @@ def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
 
 
 def _wave(blame: Blame) -> tuple[float, float, float]:
-    """Return size of a sine of the position, half of its 95 % interval across all phases, and its phase in rad."""
-    half = float(np.sqrt(np.linalg.eigvalsh(blame.covariance)[-1]) * blame.half_widths[0] / blame.deviations[0])
+    """Return size of a sine of the position, radius of its 95 % circle across all phases, and its phase in rad.
+
+    With n degrees of freedom that of two coefficients is sqrt(2 F), F = n/2 (0.05^(-2/n) - 1) of Fisher's distribution.
+    """
+    freedom = min(blame.freedom, MANY)
+    radius = float(np.sqrt(freedom * np.expm1(-2.0 * np.log(0.05) / freedom)))
+    half = radius * float(np.sqrt(np.linalg.eigvalsh(blame.covariance)[-1]))
     return float(np.hypot(*blame.values)), half, float(np.arctan2(blame.values[1], blame.values[0]))
 
 
@@ -167,7 +172,7 @@ def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     value, deviation = 100 * float(blame.values[0]), 100 * float(blame.half_widths[0])
     evidence = f"its torque is {value:+.2g} +- {deviation:.1g} % off the value that agrees with the other joints"
     if not blame.cause.joint:
-        evidence = f"torques are {value:+.2g} +- {deviation:.1g} % off the robot model"
+        evidence = f"torques of all joints are {value:+.2g} +- {deviation:.1g} % off those of its bodies"
     return evidence, "check gain and gear ratio (drives: {JOINT: {gain: ...}}), or the masses of the robot model"
 
 

@@ -39,9 +39,25 @@ class Trends:
     @cached_property
     def blames(self) -> tuple[Blame, ...]:
         """The causes that are sure, the one that explains most first."""
-        search = CauseSearch(self._rows, self.causes, self._rows.shared)
-        blames = search.blames()
-        return figured(search, blames, self._error, self._made_again) if blames else ()
+        blames = self._found
+        return figured(self._search, blames, self._error, self._made_again) if blames else ()
+
+    @cached_property
+    def criterion(self) -> float:
+        """Schwarz's criterion of the fit with these causes: the lower, the likelier are the rows and the causes."""
+        rows, causes = self._rows, [blame.cause for blame in self._found]
+        worth = rows.counts / rows.oversampling
+        chosen = [k for k, one in enumerate(self.causes) if any(one is cause for cause in causes)]
+        columns = sum(len(cause.columns) for cause in causes)
+        return float(worth @ np.log(self._search.fit(chosen).variances) + columns * np.log(worth.sum()))
+
+    @cached_property
+    def _search(self) -> CauseSearch:
+        return CauseSearch(self._rows, self.causes, self._rows.shared)
+
+    @cached_property
+    def _found(self) -> tuple[Blame, ...]:
+        return self._search.blames()
 
     @cached_property
     def delay_std(self) -> float:

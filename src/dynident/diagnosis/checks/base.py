@@ -69,7 +69,16 @@ class CheckedLog:
 
     @cached_property
     def delay(self) -> DelayRecord | None:
-        """The delay of the torque; ``applied`` is 0 where it may well be none."""
+        """The delay of the torque; ``applied`` is 0 where it may well be none, or other causes explain the log better.
+
+        A lean of the base or a load passes for a delay where nothing else may explain it.
+        """
+        asked, trends = self._asked_delay, self.trends
+        return asked if asked is None or trends is None else replace(asked, applied=trends.fit.how.delay_s or 0.0)
+
+    @cached_property
+    def _asked_delay(self) -> DelayRecord | None:
+        """The delay that the torques of the robot alone ask for."""
         if self.fit is None:
             return None
         more = [part for part in beyond_quick_fit(self.case) if not part.needs]
@@ -84,12 +93,15 @@ class CheckedLog:
 
     @cached_property
     def trends(self) -> Trends | None:
-        """What the residual follows once the delay of the torque is taken out; None where there is no fit."""
+        """What the residual follows, the delay of the torque taken out where that explains it; None without a fit."""
         if self.fit is None:
             return None
-        late = 0.0 if self.delay is None else self.delay.applied
-        fit = replace(self.fit, how=replace(self.fit.how, delay_s=late)) if late else self.fit
-        return Trends(fit, self.fit.gravity_observers)
+        plain = Trends(self.fit, self.fit.gravity_observers)
+        late = 0.0 if self._asked_delay is None else self._asked_delay.applied
+        if not late:
+            return plain
+        shifted = Trends(replace(self.fit, how=replace(self.fit.how, delay_s=late)), self.fit.gravity_observers)
+        return min((shifted, plain), key=lambda one: one.criterion)
 
     @cached_property
     def described(self) -> frozenset[str]:

@@ -28,12 +28,13 @@ class TorqueDelay(Check):
         if fit is None or delay is None or not delay.applied:
             return []
         std = max(delay.std, subject.trends.delay_std if subject.trends else 0.0)
-        rate, away = subject.sound.log.rate, delay.seconds - (stated or 0.0)
+        away = delay.seconds - (stated or 0.0)
         slope = np.gradient(fit.rows.torque, np.asarray(fit.rows.prepared.kept.time), axis=0)
         harm = abs(away) * float(np.median(slope.std(axis=0) / np.maximum(fit.rows.torque.std(axis=0), 1e-12)))
+        samples = f", {delay.seconds * subject.sound.log.rate:.2f} samples" * (subject.pooled is None)  # rates differ
         evidence = (
             f"torques {'lag' if delay.seconds > 0 else 'lead'} {1e3 * abs(delay.seconds):.3g} ms "
-            f"(+- {1e3 * Z95 * std:.2g} ms, {delay.seconds * rate:.2f} samples) against positions"
+            f"(+- {1e3 * Z95 * std:.2g} ms{samples}) against positions"
         )
         numbers = {"delay_s": delay.seconds, "std_s": std, "displaced": harm}
         if stated is None:
