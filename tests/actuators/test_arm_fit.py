@@ -10,17 +10,21 @@ import pytest
 
 pytest.importorskip("pinocchio", reason="the virtual arms need Pinocchio")
 
+from benchmarks import servos
 from benchmarks.servo_arms import VirtualArm, arm_log, arm_logs, drawn_arm
 from servo_bench import parameters, virtual_logs
 
 from dynident.actuators import arm_motion
+from dynident.actuators.arm_coupling import Arm
 from dynident.actuators.arm_motion import arm_loads, beyond_noise
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import ActuatorEstimate
 from dynident.actuators.followed_log import followed
 from dynident.actuators.identify import identify_actuators
-from dynident.actuators.joint_load import divided, measured_loads
-from dynident.actuators.parameters import PLACE
+from dynident.actuators.joint_fit import JointData, JointFit
+from dynident.actuators.joint_load import divided, joint_loads, load_times, measured_loads, measured_motion, motion_at
+from dynident.actuators.linear_start import LinearStart, start_rows
+from dynident.actuators.parameters import PLACE, with_zero
 from dynident.actuators.rollout import record_of, rolled_out
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
 from dynident.model.robot import Robot
@@ -102,8 +106,53 @@ def test_an_arm_logged_at_30_hz_has_no_bias_and_its_roll_outs_follow(tmp_path: P
     assert "the whole arm let go" in mean_lines(runs)[1]
 
 
+def unfitted(arm: VirtualArm, logs: list[ServoLog]) -> Arm:
+    """Return an arm whose fits are the truth, on its measured motion."""
+    n, measured = arm.robot.dof, [measured_motion(log) for log in logs]
+    ends = [load_times(log, n) for log in logs]
+    motions = [motion_at(motion, between) for motion, between in zip(measured, ends, strict=True)]
+    loads = [joint_loads(arm.robot, motion) for motion in motions]
+    datas, fits = [], []
+    for joint, own in enumerate(arm.true):
+        parts = list(zip(logs, loads, measured, strict=True))
+        records = tuple(record_of(log, joint, load[joint], LAW) for log, load, _ in parts)
+        rows = tuple(start_rows(log, joint, load[joint], motion, LAW) for log, load, motion in parts)
+        datas.append(JointData(arm.robot.joint_names[joint], LAW, records, (), rows))
+        free = ("full_torque", "coulomb", "viscous", "armature", "angle_offset", "back_emf", "delay")
+        free = free if joint else tuple(name for name in free if name != "angle_offset")
+        begun = LinearStart(own, 0.0, 0.0, np.inf, 0, 0.0)
+        fits.append(JointFit(1.0, "m1", {}, free, begun, own, own, own, free))
+    used = [with_zero(own, 0.0) for own in arm.true]
+    return Arm([arm.robot] * len(logs), measured, ends, motions, datas, fits, used)
+
+
 @pytest.mark.battery
 @pytest.mark.parametrize(("rate", "seed"), [(30.0, 1), (100.0, 2), (200.0, 3)])
 def test_six_joints_are_found_together(tmp_path: Path, rate: float, seed: int) -> None:
     arm = drawn_arm(np.random.default_rng([11, 6, seed]), 6, LAW, tmp_path)
     assert check(arm, answer(arm, arm_logs(arm, rate, (8.0, 16.0)))) >= 0.85
+
+
+def test_turns_that_say_otherwise_than_small_changes_are_believed(tmp_path: Path) -> None:
+    """Zeros of neighbours trade against each other: derivatives on the wrong side of 1 would send them away."""
+    arm = drawn_arm(np.random.default_rng([11, 3, 1]), 3, LAW, tmp_path)
+    begun = unfitted(arm, arm_logs(arm, 100.0, (8.0,), seconds=3.0))
+    spreads = begun.spreads()
+    plain = begun.coupled(spreads, is_whole=False)
+    block = np.ix_(plain.zeros, plain.zeros)
+    moved, found = np.array([0.0, 0.02, -0.02]), np.array([0.0, 0.018, -0.018])
+    for kept, size in ((1.0, 1.0), (0.0, 1e-5)):  # a turn that is small beside the half widths says nothing
+        seen = replace(begun, turns=[size * np.array([moved, found])]).coupled(spreads, is_whole=False)
+        told = seen.coupling[block] @ moved[1:]
+        expected = kept * found[1:] + (1.0 - kept) * plain.coupling[block] @ moved[1:]
+        np.testing.assert_allclose(told, expected, atol=5e-4)
+    after = replace(begun, used=list(arm.true)).since(begun)
+    np.testing.assert_allclose(after.turns[0], [arm.true[:, PLACE["angle_offset"]], np.zeros(3)])
+
+
+@pytest.mark.battery
+def test_zeros_of_neighbours_that_trade_against_each_other_are_found(tmp_path: Path) -> None:
+    """Six joints at 30 Hz with stiction; small changes say that the zeros run away from where they agree."""
+    for joint in servos.one(16, 6, tmp_path)["joints"]:  # pyright: ignore
+        zero = joint.get("angle_offset")
+        assert zero is None or abs(zero["value"] - zero["true"]) < min(zero["half"], 0.02), zero

@@ -13,7 +13,13 @@ from servo_bench import TRUE, parameters, virtual_logs
 from dynident.actuators.drive_law import PRESETS, STATES, preset
 from dynident.actuators.estimate import JointActuator, read_actuators, write_actuators
 from dynident.actuators.identify import identify_actuators
-from dynident.actuators.servo_log import ServoColumns, ServoSetup
+from dynident.actuators.joint_fit import NO_LIMIT, JointData, JointFit, first_fit, fit_again
+from dynident.actuators.joint_load import measured_loads, measured_motion
+from dynident.actuators.linear_start import start_rows
+from dynident.actuators.output_error import ROUGH
+from dynident.actuators.parameters import PLACE
+from dynident.actuators.rollout import record_of
+from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
 from dynident.actuators.verdict import Known
 from dynident.errors import EstimateFormatError, NotConsistent, UnknownChoice
 from dynident.model.robot import Robot
@@ -21,6 +27,17 @@ from dynident.results.actuator_text import joint_warnings
 from dynident.robot_files import read_robot
 
 COLUMNS = ServoColumns(("joint1",))
+
+
+def joint_of(robot: Robot, logs: list[ServoLog]) -> tuple[JointData, JointFit]:
+    """Return the pendulum in some logs and its first fit."""
+    law = preset("feetech_sts3215")
+    motions, loads = [measured_motion(log) for log in logs], [measured_loads(robot, log)[0] for log in logs]
+    parts = list(zip(logs, loads, motions, strict=True))
+    records = tuple(record_of(log, 0, load, law) for log, load, _ in parts)
+    rows = tuple(start_rows(log, 0, load, motion, law) for log, load, motion in parts)
+    data = JointData("joint1", law, records, (), rows)
+    return data, first_fit(data, "m1", ROUGH, lambda step: None)
 
 
 def test_a_known_servo_is_found_again(robot: Robot, tmp_path: Path) -> None:
@@ -76,6 +93,19 @@ def test_a_slew_limit_of_the_drive_is_found(robot: Robot) -> None:
     joint = identify_actuators(robot, setup, logs).joints[0]
     assert joint.value("slew_limit") == pytest.approx(2.5, rel=0.03)
     assert joint.value("full_torque") == pytest.approx(TRUE["full_torque"], rel=0.05)
+
+
+@pytest.mark.parametrize("true", [2.5, np.inf], ids=["a limit", "none"])
+def test_a_slew_limit_that_no_motion_reaches_is_none(robot: Robot, true: float) -> None:
+    """From a limit that the motion feels and from one far out of its reach: kept where there is one, else left out."""
+    data, fit = joint_of(robot, virtual_logs(robot, parameters(slew_limit=true), gains=(4.0,)))
+    free = tuple(dict.fromkeys((*fit.free, "slew_limit")))
+    for start in (2.0, 1.1 * NO_LIMIT * data.fastest):
+        begun = fit.parameters.copy()
+        begun[PLACE["slew_limit"]] = start
+        found = fit_again(data, replace(fit, parameters=begun, free=free), 15)
+        assert found.parameters[PLACE["slew_limit"]] == pytest.approx(true, rel=0.03)
+        assert found.free == tuple(name for name in free if name != "slew_limit" or np.isfinite(true))
 
 
 def test_an_unknown_gain_without_saturation_is_not_separable(robot: Robot) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.actuators.arm_coupling import Arm
+from dynident.actuators.arm_coupling import SETTLED, Arm
 from dynident.actuators.arm_motion import ALL_SWEEPS, SWEEPS, relaxed
 from dynident.actuators.joint_fit import JointFit, fit_again
 from dynident.actuators.joint_load import FINE_LOAD_STEP, divided, joint_loads, motion_at
@@ -16,15 +16,11 @@ from dynident.actuators.verdict import DRAWS, Spread, spread_of
 from dynident.arrays import Array
 
 #: Times that the loads of an arm are found anew from the roll-outs of all joints, at least and at most; between them
-#: until no parameter that the logs see moves by more than this share of its standard deviation.
-LEAST_TURNS, MOST_TURNS, SETTLED = 2, 10, 0.2
+#: until no parameter that the logs see moves by more than SETTLED of its standard deviation.
+LEAST_TURNS, MOST_TURNS = 2, 10
 
-#: At most, before richer friction is sought, in some of the logs, and in all logs after that.
-FIRST_TURNS, SOME_TURNS, FEW_TURNS = 4, 6, 6
-
-#: Least and most share of a step of the zeros that is gone, and the share near the answer: derivatives by the zeros
-#: alone take the slowest mode of the arm for slower than it is.
-_SHARES, _NEAR = (0.2, 2.0), 0.5
+#: At most, before richer friction is sought, and in some of the logs or in all logs after some.
+FIRST_TURNS, FEW_TURNS = 4, 6
 
 #: Turns in a row with a larger error than the best one after which the best one stands.
 _WORSE = 3
@@ -42,34 +38,21 @@ def settled(arm: Arm, progress: Callable[[str], None], least: int = LEAST_TURNS,
         least: Turns at least; 0 near the answer.
         most: Turns at most.
     """
-    best, error, worse, share, last = arm, np.inf, 0, 1.0 if least else _NEAR, np.zeros(0)
+    best, error, worse = arm, np.inf, 0
     for turn in range(most if len(arm.fits) > 1 else 0):
         spreads = arm.spreads()
         arm = arm.coupled(spreads, is_whole=False)
         step = arm.step()
         if turn >= least and _is_settled(arm.reached(spreads, arm.reach, step), step):
             break
-        share, last = _relaxation(share, last, step[arm.zeros]), step[arm.zeros]
         progress(f"motion of the whole arm, turn {turn + 1}")
-        arm = turned(arm, arm.after(share * step))
+        arm = turned(arm, arm.after(step)).since(arm)
         now = arm.error()
         worse = 0 if now < error else worse + 1
         best, error = (arm, now) if now < error else (best, error)
         if worse == _WORSE:
             break
     return best if worse else arm
-
-
-def _relaxation(share: float, last: Array, step: Array) -> float:
-    """Return the share of a step of the zeros (n,) that is gone, from that of the last one.
-
-    The motion of the arm answers to it too. Aitken's, which Irons and Tuck, "A version of the Aitken accelerator for
-    computer iteration", International Journal for Numerical Methods in Engineering 1, 1969, gave for many numbers.
-    """
-    if not last.any():
-        return share
-    change = step - last
-    return float(np.clip(-share * (last @ change) / max(float(change @ change), 1e-300), *_SHARES))
 
 
 def turned(arm: Arm, fits: Sequence[JointFit], finely: bool = False) -> Arm:
@@ -105,9 +88,9 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     spreads = arm.spreads()
     reach = arm.coupled(spreads, is_whole=True).reach
     arm = arm.coupled(spreads, is_whole=False)
-    arm = finer(replace(arm, fits=arm.after(arm.step(share=_NEAR))))
+    arm = finer(replace(arm, fits=arm.after(arm.step())))
     step = arm.step()
-    return replace(arm, fits=arm.after(arm.step(share=_NEAR))), arm.reached(arm.spreads(finely=True), reach, step)
+    return replace(arm, fits=arm.after(arm.step())), arm.reached(arm.spreads(finely=True), reach, step)
 
 
 def finer(arm: Arm) -> Arm:

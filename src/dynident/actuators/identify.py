@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.actuators.arm_bodies import free_bodies, stated_bodies
 from dynident.actuators.arm_coupling import Arm
-from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, SOME_TURNS, finished, settled, turned
+from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, finished, settled, turned
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
 from dynident.actuators.joint_fit import OFF_S, JointData, JointFit, at_ratio, first_fit, richer_fit
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
@@ -123,7 +123,7 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
     )
     used = [with_zero(fit.parameters, 0.0) for fit in fits]  # the measured motion has no zeros
     is_all = len(first) == len(arm.datas[0].train)
-    most = (MOST_TURNS if is_all else SOME_TURNS) if friction == "m1" else FIRST_TURNS
+    most = (MOST_TURNS if is_all else FEW_TURNS) if friction == "m1" else FIRST_TURNS
     part = settled(replace(part, fits=fits, used=used), progress, most=most)
     if friction != "m1":
         pairs = list(zip(part.datas, part.fits, strict=True))
@@ -136,7 +136,7 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
     for k, motion in zip(first, part.motions, strict=True):
         motions[k] = replace(motion, q=motion.q - zeros)
     used = [with_zero(own, 0.0) for own in part.used]
-    arm = replace(arm, motions=motions, fits=part.fits, used=used, few=first)
+    arm = replace(arm, motions=motions, fits=part.fits, used=used, few=first, turns=part.turns)
     arm = turned(arm, part.fits)
     return arm if is_all else settled(arm, progress, 0, FEW_TURNS)
 
