@@ -21,7 +21,7 @@ from dynident.actuators.parameters import PLACE
 from dynident.actuators.rollout import record_of
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
 from dynident.actuators.verdict import Known
-from dynident.errors import EstimateFormatError, NotConsistent, UnknownChoice
+from dynident.errors import EstimateFormatError, LogMismatch, NotConsistent, UnknownChoice
 from dynident.model.robot import Robot
 from dynident.results.actuator_text import joint_warnings
 from dynident.robot_files import read_robot
@@ -69,6 +69,32 @@ def test_roll_outs_that_do_not_follow_are_said_with_the_zero_that_fits(robot: Ro
     (warning,) = [text for text in joint_warnings(joint) if "roll-outs miss" in text]
     found = re.search(r"fits about ([-.0-9]+) rad more", warning)
     assert found is not None and float(found[1]) == pytest.approx(2.02, abs=0.05)
+
+
+def test_logs_that_saturate_throughout_and_times_in_ms_are_told(robot: Robot) -> None:
+    """Gains of 2 and 6 are read as 2000 and 6000; by the gains as they are nothing of it is said."""
+    logs = virtual_logs(robot, parameters())[:3]
+    setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")
+    with pytest.raises(LogMismatch, match=r"moves in 0 samples only \(logs of 0\.2.*unit of the time"):
+        identify_actuators(robot, setup, [replace(log, time=1e3 * log.time) for log in logs])
+    stated = [replace(log, kp=1e3 * log.kp) for log in logs]
+    with pytest.raises(LogMismatch, match=r"samples of joint1 move without saturation; log slower .* lower kp"):
+        identify_actuators(robot, setup, stated[:2])
+    (warning,) = joint_warnings(identify_actuators(robot, setup, stated).joints[0])  # its last log has a free swing
+    assert re.search(r"roll-outs miss \d+ % of the motion: by kp .* limit in \d+ % of it; correct kp", warning)
+    assert not any(
+        "roll-outs miss" in text for text in joint_warnings(identify_actuators(robot, setup, logs).joints[0])
+    )
+
+
+def test_a_log_that_is_unlike_the_others_is_named(robot: Robot) -> None:
+    """A free swing whose column of the torque is lost; with the column nothing is said."""
+    logs = virtual_logs(robot, parameters(), gains=(3.0, 6.0))[:5]
+    setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")
+    lost = [replace(log, enabled=np.ones_like(log.enabled)) for log in logs]
+    told = joint_warnings(identify_actuators(robot, setup, lost).joints[0])
+    assert any("do not follow 1 of 5 logs (virtual kp3 seed 2; up to" in text and "enabled" in text for text in told)
+    assert not joint_warnings(identify_actuators(robot, setup, logs).joints[0])
 
 
 def test_no_angle_offset_is_sought_where_no_weight_tells_it(robot: Robot) -> None:

@@ -149,3 +149,19 @@ def test_init_drafts_the_case_of_such_logs(folder: Path, capsys: pytest.CaptureF
     saved = json.loads(Path("a.json").read_text())["joints"]["joint1"]
     assert saved["parameters"]["armature"]["value"] == pytest.approx(0.012, rel=0.05)
     assert saved["test_error_rad"].keys() == {"drop_kp4.csv"}
+
+
+@pytest.mark.parametrize("size", [1.0, 57.3], ids=["positions", "another unit"])
+def test_init_drafts_the_case_of_an_arm_whose_joints_move_one_at_a_time(folder: Path, size: float) -> None:
+    """Commands of the joints that are held do not move; commands in another unit than the positions are none."""
+    time = np.arange(0.0, 4.0, 0.01)
+    q_ref, q = np.zeros((400, 5)), np.tile(0.01 * np.sin(5.0 * time)[:, None], 5)
+    q_ref[:, 2], q[:, 2] = 0.6 * np.sin(4.0 * time), 0.5 * np.sin(4.0 * time - 0.4)
+    table = np.column_stack([time, q, size * q_ref, np.ones((400, 5))])
+    header = ",".join(["t", *(f"{name}{k}" for name in ("q", "q_ref", "on") for k in range(1, 6))])
+    np.savetxt("elbow.csv", table, "%.6g", ",", header=header, comments="")
+    arm = str(ROOT / "examples" / "servo_arm" / "arm.urdf")
+    assert main(["init", arm, "elbow.csv", "-o", "arm.yaml"]) == 0
+    text = Path("arm.yaml").read_text()
+    assert ("servo:" in text) == (size == 1.0)
+    assert ("enabled: [on1, on2, on3, on4, on5]   # 1 where" in text) == (size == 1.0)

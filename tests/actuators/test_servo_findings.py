@@ -47,6 +47,17 @@ def test_each_fault_is_found(log: ServoLog) -> None:
     assert names(changed(enabled=log.enabled | True)) == [("note", "no free swing")]
 
 
+def test_a_joint_that_is_held_and_a_short_way_to_full_speed_are_no_faults(log: ServoLog) -> None:
+    """A held joint sags by some steps of its encoder; a release is at its limit until the drive is off."""
+    held = replace(log, q=np.round(0.03 * log.q / 1.5e-3) * 1.5e-3, q_ref=np.full_like(log.q_ref, 0.1))
+    assert names(held) == []
+    assert names(replace(held, q_ref=log.q_ref)) == [("warning", "quantisation")]
+    time = log.time
+    pushed = replace(log, q_ref=log.q + 8.0 * (time < 1.6)[:, None], enabled=(time < 3.0)[:, None], kp=2.0)
+    assert names(pushed) == []
+    assert names(replace(pushed, q_ref=log.q + 8.0 * (time < 2.5)[:, None])) == [("warning", "saturated")]
+
+
 def test_a_late_velocity_is_named_with_its_lag(log: ServoLog) -> None:
     """As the moving average of a servo's firmware makes it; an exact one, noise and another unit are no lag."""
     exact = np.gradient(log.q, log.time, axis=0)

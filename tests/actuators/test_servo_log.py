@@ -97,6 +97,7 @@ FAULTS: list[tuple[str, Callable[[ServoLog], dict[str, object]], str, str]] = [
     ("command is an earlier one", lambda log: {"q_ref": np.roll(log.q, 3, 0)}, "3 samples before", "leader arm"),
     ("one pose", lambda log: {"q": 0 * log.q, "q_ref": 0 * log.q}, "stands in one pose", "tens of degrees"),
     ("counts", lambda log: {"q": log.q * 4096 / 6.2832}, "they are counts, degrees", "counts: dynamixel"),
+    ("a command in degrees", lambda log: {"q_ref": 57.3 * log.q_ref}, "its commands 85.95 rad", "position: deg"),
     ("never on", lambda log: {"enabled": ~log.enabled & False}, "never on", "inverted"),
     ("no reads", lambda log: {"q": np.where(np.arange(len(log.q))[:, None] % 3, np.nan, log.q)}, "reads", "bus"),
 ]

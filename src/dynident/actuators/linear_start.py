@@ -250,8 +250,12 @@ def _regression(
             name = rows[0].log.joints[rows[0].joint]
             moving = sum(int(np.sum(np.abs(one.motion.dq[:, one.joint]) > REST)) for one in rows)
             if moving < _FEWEST:
-                step = "log motions of tens of degrees with the drive on, and check the column of its position"
-                raise LogMismatch(many, f"{name} moves in {moving} samples only", step)
+                rate = 1.0 / float(np.median(np.diff(rows[0].log.time)))
+                step = (
+                    "log motions of tens of degrees with the drive on, and check the column of its position and the "
+                    "unit of the time (log: {units: {time: ms}})"
+                )
+                raise LogMismatch(many, f"{name} moves in {moving} samples only (logs of {rate:.3g} Hz)", step)
             evidence = f"only {len(matrix)} samples of {name} move without saturation"
             step = "log slower or smaller motions, or a lower kp, so that the duty stays below its limit"
             raise LogMismatch(many, evidence, step)

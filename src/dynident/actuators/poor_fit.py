@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from scipy.optimize import nnls
 
 from dynident.actuators.joint_fit import JointData
 from dynident.actuators.linear_start import REST, StartRows, duty_of
 from dynident.actuators.rollout import mean_errors
-from dynident.arrays import Array
+from dynident.arrays import Array, BoolArray
 
 #: Share of the motion that roll-outs miss where they do not follow it.
 POOR = 0.2
+
+#: Logs in which a joint moves by less than this share of its most motion are not looked at one by one, and logs named.
+_MOVES, _NAMED = 0.25, 3
+
+#: First words of what is said then.
+MISSED = "roll-outs miss"
+
+#: Share of the samples in motion with the drive on whose duty is at its limit, from which that is told as the cause.
+_LIMITED = 0.75
 
 #: An angle of the encoder's zero is told where it leaves this share of the error of the torques at most.
 _EXPLAINS = 0.5
@@ -29,16 +40,47 @@ def poor_fit(data: JointData, parameters: Array) -> str:
         data: The joint.
         parameters: Shape (COUNT,).
     """
-    moved = [float(np.mean(np.abs(one.q - np.mean(one.q))[one.used])) for one in data.train]
-    share = float(np.sum(mean_errors(data.train, parameters))) / max(float(np.sum(moved)), 1e-9)
-    if share <= POOR:
+    moved = np.array([float(np.mean(np.abs(one.q - np.mean(one.q))[one.used])) for one in data.train])
+    errors = mean_errors(data.train, parameters)
+    looked = moved >= _MOVES * moved.max()
+    bad = looked & (errors > POOR * moved)
+    if not bad.any():
         return ""
+    if 2 * bad.sum() <= looked.sum():
+        return _unlike(data, bad, errors / np.maximum(moved, 1e-9))
+    share = float(errors.sum() / max(moved.sum(), 1e-9))
+    missed, limited = f"{MISSED} {100 * min(share, 9.99):.0f} % of the motion", _limited(data)
+    if limited > _LIMITED:
+        return (
+            f"{missed}: by kp and the drive law the duty is at its limit in {100 * limited:.0f} % of it; correct kp, "
+            "error_gain and limit, or log slower and smaller motions, or a lower kp"
+        )
     angle = _zero(data)
     told = f" (the weight fits about {angle:.2f} rad more)" if angle else ""
     return (
-        f"roll-outs miss {100 * min(share, 9.99):.0f} % of the motion: check the angle where the encoder reads 0"
-        f"{told}, log: {{zero: [...]}}, the direction of the axis in the robot model, law and kp"
+        f"{missed}: check the angle where the encoder reads 0{told}, log: {{zero: [...]}}, the direction of the axis "
+        "in the robot model, law and kp"
     )
+
+
+def _unlike(data: JointData, bad: BoolArray, shares: Array) -> str:
+    """Return which logs roll-outs do not follow where they follow most, and what to state; each array (logs,)."""
+    found = np.flatnonzero(bad)
+    names = [Path(data.train[k].name).name for k in found[:_NAMED]]
+    more = f", {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    most = 100 * min(float(shares[found].max()), 9.99)
+    return (
+        f"roll-outs do not follow {len(found)} of {len(bad)} logs ({', '.join(names)}{more}; up to {most:.0f} % of "
+        "the motion missed): was the drive off in a part (servo: {enabled: COLUMN}), another gain set, a load carried, "
+        "the motor hot? State it, or leave these logs out"
+    )
+
+
+def _limited(data: JointData) -> float:
+    """Return the share of the samples in motion with the drive on whose duty is at its limit."""
+    moving = [(np.abs(one.motion.dq[:, one.joint]) > REST) & (one.on > 0.5) for one in data.rows]
+    near = [duty_of(one, _DELAY_S, np.inf)[1] for one in data.rows]
+    return float(np.concatenate(near)[np.concatenate(moving)].mean()) if any(map(np.any, moving)) else 0.0
 
 
 def _zero(data: JointData) -> float:

@@ -193,9 +193,11 @@ def _failed_reads(time: Array, q: Array) -> BoolArray:
 def _check_meaning(log: ServoLog, q: Array) -> None:
     for joint, name in enumerate(log.joints):
         measured, command = q[:, joint], log.q_ref[:, joint]
-        if max(np.ptp(measured), np.ptp(command)) > _LARGEST_ANGLE:
+        spans = float(np.ptp(measured)), float(np.ptp(command))
+        if max(spans) > _LARGEST_ANGLE:
             evidence = (
-                f"positions of {name} span {np.ptp(measured):.4g} rad: they are counts, degrees, or shares of a range"
+                f"positions of {name} span {spans[0]:.4g} rad, its commands {spans[1]:.4g} rad: they are counts, "
+                "degrees, or shares of a range"
             )
             step = (
                 f"state the unit (log: {{units: {{position: deg}}}}), what counts they are (servo: {{counts: "

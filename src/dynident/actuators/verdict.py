@@ -198,7 +198,7 @@ class Scores:
         """
         values = self.encoder @ into.T
         normal, clustered = (np.einsum("pf,fg,pg->p", into, own, into) for own in (self.rest, self.clustered))
-        size = np.sqrt(np.mean(values**2, axis=0) + normal)
+        size = np.sqrt(np.maximum(np.mean(values**2, axis=0) + normal, 1e-300))
         values, normal = values / size, np.sqrt(np.maximum(normal, 1e-12)) / size
         low, high = np.zeros(len(into)), np.full(len(into), 3.0 * NORMAL)
         for _ in range(_HALVINGS):
@@ -348,8 +348,9 @@ SCALE = (
 
 
 def lacks_scale(labels: Mapping[str, str]) -> bool:
-    """Return whether torque and armature are not separable, by the labels of the parameters: the scale is missing."""
-    return all(labels.get(name) == "not separable" for name in ("full_torque", "armature"))
+    """Return whether the scale is missing: torque and armature are not separable, by labels, and the delay is known."""
+    unknown = [labels.get(name) == "not separable" for name in ("full_torque", "armature", "delay")]
+    return unknown == [True, True, False]
 
 
 def unit_of(name: str) -> str:

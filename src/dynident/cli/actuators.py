@@ -313,8 +313,9 @@ def check(case: Case, options: argparse.Namespace) -> int:
 
     Raises:
         BadOption: An option that is for logs with torques.
-        DynidentError: A log that cannot be read.
+        DynidentError: A log that cannot be read, or a robot model without inertias.
     """
+    from dynident.actuators.joint_load import rigid_inertia
     from dynident.api.actuators import logs_of_servos
     from dynident.cli import console
     from dynident.diagnosis.servo_findings import servo_findings
@@ -324,6 +325,7 @@ def check(case: Case, options: argparse.Namespace) -> int:
     laws = case.servo.laws if case.servo else ()
     case = replace(case, train=tuple(options.logs), test=()) if options.logs else case
     logs = [log for part in logs_of_servos(case) for log in part]
+    rigid_inertia(case.robot)
     released = {name for log in logs for name, on in zip(log.joints, log.enabled.T, strict=True) if not on.all()}
     found = [(log, servo_findings(log, laws, released)) for log in logs]
     sound = all(one.severity != "error" for _, own in found for one in own)

@@ -65,22 +65,24 @@ def _saturated(log: ServoLog, joint: int, law: DriveLaw) -> list[Finding]:
         return []
     on = log.enabled[:, joint]
     error = np.abs(log.q_ref[:, joint] - log.q[:, joint])
-    share = float(np.mean((log.kp * law.error_gain * error >= law.limit)[on])) if on.any() else 0.0
+    limited = on & (log.kp * law.error_gain * error >= law.limit)
+    share = float(np.mean(limited))  # also of a release, whose drive is on at speed only
     if share < _MUCH_SATURATED:
         return []
-    severity = "error" if share > _ALL_SATURATED else "warning"
+    severity = "error" if limited.sum() > _ALL_SATURATED * on.sum() else "warning"
     evidence = f"duty at its limit in {100 * share:.0f} % of the samples, by kp {log.kp:g} and the drive law"
     remedy = "lower kp, or smaller and slower motions; or correct kp, error_gain and limit under servo:"
     return [Finding(severity, "saturated", log.joints[joint], evidence, remedy)]
 
 
 def _coarse(log: ServoLog, joint: int) -> list[Finding]:
-    levels = np.unique(np.round(log.q[~log.failed[:, joint], joint], 9))
+    levels, told = np.unique(np.round(log.q[~log.failed[:, joint], joint], 9)), float(np.ptp(log.q_ref[:, joint]))
+    if told <= _COMMANDED:  # it is held
+        return []
     if len(levels) < 3:
-        told = float(np.ptp(log.q_ref[:, joint]))
         evidence = f"its position does not change, and its command spans {told:.3g} rad"
         remedy = "check the column of its position, and whether the drive is on and free to move"
-        return [Finding("error", "no motion", log.joints[joint], evidence, remedy)] if told > _COMMANDED else []
+        return [Finding("error", "no motion", log.joints[joint], evidence, remedy)]
     step = float(np.median(np.diff(levels)))
     count = float(np.ptp(levels)) / step
     if count >= _COARSE:

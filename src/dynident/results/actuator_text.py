@@ -9,6 +9,7 @@ import numpy as np
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
+from dynident.actuators.poor_fit import MISSED
 from dynident.actuators.verdict import EXPERIMENTS, SCALE, lacks_scale, unit_of
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
 
@@ -127,6 +128,8 @@ _NEVER_ZERO = {
 def joint_warnings(joint: JointActuator) -> list[str]:
     """Return what speaks against trusting the actuator of a joint."""
     found = list(joint.remarks)
+    if any(text.startswith(MISSED) for text in found):  # parameters of a wrong model: no experiment mends them
+        return found
     for one in joint.combinations:
         found.append(f"{one.name} is known only as a whole ({one.words})")
     scaleless = lacks_scale({one.name: one.label for one in joint.known})

@@ -52,7 +52,7 @@ OTHER = frozenset(
 SHARE_WORDS = frozenset("load duty pwm".split())
 
 #: Columns that say whether a drive is on.
-ENABLED = re.compile(r"(torque|motor|drive|servo)[_ ]?(enabled?|on)\d*|enabled?\d*", re.IGNORECASE)
+ENABLED = re.compile(r"(torque|motor|drive|servo)[_ ]?(enabled?|on)\d*|enabled?\d*|on\d+", re.IGNORECASE)
 
 #: Words that say nothing more about a column.
 NEUTRAL = frozenset(

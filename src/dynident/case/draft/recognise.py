@@ -281,9 +281,10 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
 
 
 def _is_alike(q: Array, q_ref: Array) -> bool:
-    """Return whether commands span about as much as the positions: a servo strays, and does so in the same unit."""
-    spans = np.ptp(q_ref, axis=0) / np.maximum(np.ptp(q, axis=0), STILL)
-    return bool(np.all((spans > 1 / _SPAN) & (spans < _SPAN)))
+    """Return whether commands that move span about as much as the positions: a servo strays, and in the same unit."""
+    moves = np.ptp(q_ref, axis=0) > STILL  # the other joints are held
+    spans = np.ptp(q_ref, axis=0)[moves] / np.maximum(np.ptp(q, axis=0)[moves], STILL)
+    return bool(moves.any() and np.all((spans > 1 / _SPAN) & (spans < _SPAN)))
 
 
 def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
