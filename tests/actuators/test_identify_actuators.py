@@ -23,7 +23,7 @@ from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
 from dynident.actuators.verdict import Known
 from dynident.errors import EstimateFormatError, LogMismatch, NotConsistent, UnknownChoice
 from dynident.model.robot import Robot
-from dynident.results.actuator_text import joint_warnings
+from dynident.results.actuator_text import joint_warnings, parameter_table
 from dynident.robot_files import read_robot
 
 COLUMNS = ServoColumns(("joint1",))
@@ -134,6 +134,17 @@ def test_a_slew_limit_that_no_motion_reaches_is_none(robot: Robot, true: float) 
         assert found.free == tuple(name for name in free if name != "slew_limit" or np.isfinite(true))
 
 
+def test_a_log_that_holds_the_joint_has_no_error(robot: Robot) -> None:
+    """Where the drive is off for a while it swings, and counts."""
+    (chirp, _, drop), law = virtual_logs(robot, parameters(), gains=(4.0,)), preset("feetech_sts3215")
+    load, still = measured_loads(robot, chirp)[0], np.full_like(chirp.q_ref, 0.4)
+    held = [replace(chirp, name="held", q_ref=still), replace(drop, name="released", q_ref=still), chirp]
+    assert [record_of(log, 0, load, law).is_held for log in held] == [True, False, False]
+    setup = ServoSetup((law,), COLUMNS, "m1")
+    estimate = identify_actuators(robot, setup, [chirp, drop], [held[0], drop])
+    assert set(estimate.joints[0].test) == {drop.name}
+
+
 def test_an_unknown_gain_without_saturation_is_not_separable(robot: Robot) -> None:
     """Only the stiffness is known, and it is right; a swing of the free joint is missed, so damping is one sum."""
     logs = [log for log in virtual_logs(robot, parameters(), gains=(1.0, 1.5)) if log.enabled.all()]
@@ -170,7 +181,7 @@ def test_every_preset_says_where_its_fields_are_known_from() -> None:
 
 @pytest.mark.parametrize("name", ["delay", "armature"])
 def test_a_parameter_that_no_servo_has_at_zero_is_a_warning_there(name: str) -> None:
-    """Not so inside of its bounds, and not for friction, which may be zero."""
+    """Not so inside of its bounds, and not for friction, which may be zero; where the search stopped is shown as 0."""
 
     def warned(value: float, label: str, which: str = name) -> bool:
         known = (Known(which, value, np.inf, label),)
@@ -178,6 +189,8 @@ def test_a_parameter_that_no_servo_has_at_zero_is_a_warning_there(name: str) -> 
             "j", preset("mit"), (), "m1", parameters(**{which: value}), known, (), parameters(), parameters(),
             {}, {}, {}, {}, 0.0,
         )  # fmt: skip
+        shown = parameter_table(joint).rows[0][1]
+        assert (shown == "0") == (label == "at its bound")
         return any("ended at its bound 0" in line and which in line for line in joint_warnings(joint))
 
     assert warned(1e-9, "at its bound")

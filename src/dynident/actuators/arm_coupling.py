@@ -25,9 +25,6 @@ LONGEST_STEP = 0.05
 #: Changes by which derivatives are found: a share of the standard deviation, at most one of the value.
 _OF_DEVIATION, _OF_VALUE = 0.3, 0.01
 
-#: Settled is what moves by no more than this share of its standard deviation.
-SETTLED = 0.2
-
 #: Singular values below this share of the largest, of columns of unit length, are directions that no log sees.
 _UNSEEN = 1e-4
 
@@ -128,25 +125,25 @@ class Arm:
                     rows = slice(firsts[other], firsts[other + 1])
                     change = theirs[other].to([torque[:, other] for torque in torques])
                     found[rows, firsts[joint] + column] = change / sizes[column]
-        return replace(self, coupling=self._as_seen(found, spreads))
+        return replace(self, coupling=found if is_whole else self._as_seen(found, spreads))
 
     def _as_seen(self, coupling: Array, spreads: Sequence[Spread]) -> Array:
         """Return derivatives, shape (P, P), that agree with how the turns so far have moved the zeros.
 
         A mode of the arm that each joint finds as it is put into the others has a derivative near 1: on the wrong side
         of 1 the zeros would go away from where they agree. Broyden, "A class of methods for solving nonlinear
-        simultaneous equations", Mathematics of Computation 19, 1965; a turn counts by how far it goes beyond SETTLED.
+        simultaneous equations", Mathematics of Computation 19, 1965; a turn counts by how far it goes beyond the noise.
 
         Args:
             coupling: By small changes; changed in place.
             spreads: Of each joint.
         """
         block, sought = np.ix_(self.zeros, self.zeros), ["angle_offset" in fit.free for fit in self.fits]
-        least = SETTLED**2 * np.concatenate([np.diag(spread.covariance) for spread in spreads])[self.zeros]
+        noise = np.concatenate([np.diag(spread.covariance) for spread in spreads])[self.zeros]
         for moved, found in (turn[:, sought] for turn in self.turns):
             size = max(float(moved @ moved), 1e-300)
             left = found - coupling[block] @ moved
-            coupling[block] += np.outer(left, moved) / (size + moved**2 @ least / size)
+            coupling[block] += np.outer(left, moved) / (size + moved**2 @ noise / size)
         return coupling
 
     def since(self, before: Arm) -> Arm:
@@ -195,13 +192,17 @@ class Arm:
         """How an error of each fit reaches all of them where they find themselves, (I - G)^-1, shape (P, P)."""
         return np.asarray(np.linalg.inv(np.eye(len(self.coupling)) - self.coupling))
 
-    def step(self) -> Array:
+    def step(self, share: float = 1.0) -> Array:
         """Return the step to parameters that find themselves, shape (P,).
 
         Motions by the parameters p let the fits find f(p); with its derivatives G the fixed point is
         p + (I - G)^-1 (f(p) - p).
+
+        Args:
+            share: Of what the joints change of each other, that is gone.
         """
-        step = np.asarray(self.reach @ (self.fitted - self.moved_by))
+        alone = self.fitted - self.moved_by
+        step = alone + share * (self.reach @ alone - alone)
         return step * min(1.0, LONGEST_STEP / max(float(np.abs(step[self.zeros]).max(initial=0.0)), 1e-12))
 
     def reached(self, spreads: Sequence[Spread], reach: Array, step: Array) -> list[Spread]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.actuators.arm_coupling import SETTLED, Arm
+from dynident.actuators.arm_coupling import Arm
 from dynident.actuators.arm_motion import ALL_SWEEPS, SWEEPS, relaxed
 from dynident.actuators.joint_fit import JointFit, fit_again
 from dynident.actuators.joint_load import FINE_LOAD_STEP, divided, joint_loads, motion_at
@@ -16,11 +16,15 @@ from dynident.actuators.verdict import DRAWS, Spread, spread_of
 from dynident.arrays import Array
 
 #: Times that the loads of an arm are found anew from the roll-outs of all joints, at least and at most; between them
-#: until no parameter that the logs see moves by more than SETTLED of its standard deviation.
-LEAST_TURNS, MOST_TURNS = 2, 10
+#: until no parameter that the logs see moves by more than this share of its standard deviation.
+LEAST_TURNS, MOST_TURNS, SETTLED = 2, 10, 0.2
 
 #: At most, before richer friction is sought, and in some of the logs or in all logs after some.
 FIRST_TURNS, FEW_TURNS = 4, 6
+
+#: Share of a step that is gone near the answer: derivatives by the zeros alone take the slowest mode of the arm for
+#: slower than it is.
+_NEAR = 0.5
 
 #: Turns in a row with a larger error than the best one after which the best one stands.
 _WORSE = 3
@@ -88,9 +92,9 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     spreads = arm.spreads()
     reach = arm.coupled(spreads, is_whole=True).reach
     arm = arm.coupled(spreads, is_whole=False)
-    arm = finer(replace(arm, fits=arm.after(arm.step())))
+    arm = finer(replace(arm, fits=arm.after(arm.step(_NEAR))))
     step = arm.step()
-    return replace(arm, fits=arm.after(arm.step())), arm.reached(arm.spreads(finely=True), reach, step)
+    return replace(arm, fits=arm.after(arm.step(_NEAR))), arm.reached(arm.spreads(finely=True), reach, step)
 
 
 def finer(arm: Arm) -> Arm:

@@ -10,14 +10,11 @@ import numpy as np
 from dynident.actuators.arm_motion import arm_loads
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.parameters import PLACE
-from dynident.actuators.rollout import FIRST, mean_error, record_of, rolled_out, started
+from dynident.actuators.rollout import FIRST, HELD, mean_error, record_of, rolled_out, started
 from dynident.actuators.servo_log import ServoLog, check_gains, is_outside
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
 from dynident.model.robot import Joint, Robot
-
-#: Commands that span less than this many rad or m hold a joint.
-_HELD = 1e-3
 
 
 @dataclass(frozen=True)
@@ -92,7 +89,7 @@ def followed(
     for k, (actuator, joint) in enumerate(zip(estimate.joints, robot.active, strict=True)):
         nominal = _stated(actuator, joint)
         for log, load, alone in zip(logs, loads, free, strict=True):
-            held = (np.ptp(log.q_ref, axis=0) < _HELD) & log.enabled.all(axis=0)
+            held = (np.ptp(log.q_ref, axis=0) < HELD) & log.enabled.all(axis=0)
             if held[k] and not held.all():
                 continue
             record = started(record_of(log, k, load[k], actuator.law), actuator.parameters, FIRST)

@@ -172,7 +172,9 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
 
 
 def _errors(records: Sequence[JointRecord], parameters: Array) -> dict[str, float]:
-    return dict(zip((one.name for one in records), map(float, mean_errors(records, parameters, STEP)), strict=True))
+    """Return the mean errors in rad of the logs in which the joint is not held; of all where it is held in each."""
+    own = [one for one in records if not one.is_held] or records
+    return dict(zip((one.name for one in own), map(float, mean_errors(own, parameters, STEP)), strict=True))
 
 
 def _known_together(

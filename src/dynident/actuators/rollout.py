@@ -15,6 +15,9 @@ from dynident.actuators.rollout_loop import START_Q, START_V, roll_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray, IntArray
 
+#: Commands that span less than this many rad or m hold a joint.
+HELD = 1e-3
+
 #: Longest step of the integration in s: of the search in some logs of an arm, of the search, and of the answer.
 ROUGH_STEP, SEARCH_STEP, STEP = LOAD_STEP, 4e-3, 5e-4
 
@@ -72,6 +75,11 @@ class JointRecord:
         says = start_of(self.samples[own, 0], q, read)
         mine = {"samples": self.samples[own], "loads": loads, "q": q, "read": read, "used": self.used[own]}
         return replace(self, **mine, start=says[0], says=says)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether one command holds the joint throughout: the log tests nothing of it where others move."""
+        return bool(np.ptp(self.samples[:, 1]) < HELD and self.samples[:, 4].all())
 
     @property
     def as_first_read(self) -> JointRecord:

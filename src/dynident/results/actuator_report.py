@@ -92,10 +92,10 @@ def actuator_page(estimate: ActuatorEstimate, runs: Sequence[FollowedJoint]) -> 
 
 
 def _errors(runs: Sequence[FollowedJoint]) -> dict[str, object]:
-    said = (
-        "Each roll-out starts at the first sample of a log and gets nothing but its commands. "
-        "Mean absolute position error; robot model: its own armature, damping and friction with the identified drive."
-    )
+    said = "Each roll-out starts at the first sample of a log and gets nothing but its commands. Mean absolute "
+    said += "position error."
+    if any(np.isfinite(run.nominal) for run in runs):
+        said += " Robot model: its own armature, damping and friction with the identified drive."
     return {
         "lines": [said, f"{'; '.join(mean_lines(runs))}."],
         "warnings": [],

@@ -22,6 +22,7 @@ def parameter_table(joint: JointActuator) -> Table:
         label = one.label if not one.together else f"{one.label}, only with {one.together.replace('_', ' ')}"
         half = MISSING if not np.isfinite(one.half_width) else format_number(one.half_width, 2)
         value = format_number(one.value, 4) if half == MISSING else format_value(one.value, one.half_width)[0]
+        value = "0" if one.label == "at its bound" and _is_none(one.name, one.value) else value
         ratio = [MISSING if one.ratio is None else format_number(one.ratio, 2)] * has_ratio
         rows.append((name, value, half, *ratio, pretty_unit(unit_of(one.name)), label))
     for one in joint.combinations:
@@ -142,11 +143,10 @@ def joint_warnings(joint: JointActuator) -> list[str]:
         if one.label in ("weak", "not separable") and one.name in EXPERIMENTS and not joint.combinations:
             found.append(f"{one.name.replace('_', ' ')} is {one.label}: {EXPERIMENTS[one.name]}")
     bound = [one.name.replace("_", " ") for one in joint.known if one.label == "at its bound" and one.value != 0.0]
-    real = [name for name in bound if abs(joint.value(name.replace(" ", "_"))) > 0.01 * _scale(name)]
+    real = [name for name in bound if not _is_none(name, joint.value(name.replace(" ", "_")))]
     for name, cause in _NEVER_ZERO.items():
-        if any(one.name == name and one.label == "at its bound" for one in joint.known) and not joint.value(name) > (
-            0.01 * _scale(name)
-        ):
+        known = [one for one in joint.known if one.name == name and one.label == "at its bound"]
+        if known and _is_none(name, known[0].value):
             found.append(f"{name.replace('_', ' ')} ended at its bound 0: {cause}")
     if real:
         found.append(f"{', '.join(real)} ended at a bound: check the drive law and the inertias of the robot model")
@@ -162,8 +162,9 @@ def all_warnings(joints: Sequence[JointActuator]) -> list[str]:
     return [f"{', '.join(names)}: {text}" for text, names in about.items()]
 
 
-def _scale(name: str) -> float:
-    return PARAMETERS[PLACE[name.replace(" ", "_")]].scale
+def _is_none(name: str, value: float) -> bool:
+    """Return whether a parameter that ended at a bound is 0: the search stops a little inside."""
+    return abs(value) <= 0.01 * PARAMETERS[PLACE[name.replace(" ", "_")]].scale
 
 
 def headline(estimate: ActuatorEstimate) -> str:
