@@ -108,9 +108,50 @@ def test_no_angle_offset_is_sought_where_no_weight_tells_it(robot: Robot) -> Non
     per_inertia = joint.value("full_torque") / (inertia + joint.value("armature"))
     assert per_inertia == pytest.approx(TRUE["full_torque"] / (inertia + TRUE["armature"]), rel=0.01)
     labels = {one.name: one.label for one in joint.known}
-    assert {labels[name] for name in ("full_torque", "armature", "coulomb")} == {"not separable"}
-    assert labels["delay"] == "identified"
+    assert labels["full_torque"] == "not separable" and labels["delay"] == "identified"
+    assert {labels[name] for name in ("armature", "coulomb", "viscous")} == {"known as a ratio"}
+    damping = TRUE["viscous"] + TRUE["back_emf"]  # without a swing
+    scale = TRUE["full_torque"] / joint.value("full_torque")
+    for one in joint.known:
+        if one.ratio is not None:  # with the torque held at its value; noise of the encoder's steps
+            body = inertia if one.name == "armature" else 0.0
+            truth = damping if one.name == "viscous" else TRUE[one.name]
+            assert abs((truth + body) / scale - body - one.value) < 1.5 * one.ratio < 0.02 * (one.value + body)
     assert not any("offset" in warning for warning in joint_warnings(joint))
+
+
+@pytest.mark.parametrize("stated", [(2.5, 0.25), (3.5, 0.2)], ids=["right", "wrong"])
+@pytest.mark.parametrize("is_upright", [True, False], ids=["no weight", "weight"])
+def test_a_stated_torque_is_the_scale_where_no_weight_is(
+    robot: Robot, stated: tuple[float, float], is_upright: bool
+) -> None:
+    """Half widths contain that of the statement; beside a weight it is compared with what the logs say."""
+    gravity = [0.0, -9.81, 0.0] if is_upright else [0.0, 0.0, -9.81]
+    mine, law = robot.with_gravity(gravity), preset("feetech_sts3215").stated({"full_torque": stated})
+    joint = identify_actuators(mine, ServoSetup((law,), COLUMNS, "m1"), virtual_logs(mine, parameters())[:3]).joints[0]
+    is_right, told = stated[0] == 2.5, any("stated 3.5 +- 0.2" in text for text in joint_warnings(joint))
+    assert told == (not is_right and not is_upright)
+    assert joint.value("full_torque") == pytest.approx(stated[0] if is_upright else TRUE["full_torque"], rel=0.01)
+    for one in joint.known:
+        if one.name in TRUE and (is_right or not is_upright):
+            truth = TRUE[one.name] + (TRUE["back_emf"] if is_upright and one.name == "viscous" else 0.0)
+            assert abs(one.value - truth) < 1.2 * one.half_width, one
+            wide = is_upright and one.name != "delay"
+            assert (one.half_width > 0.05 * abs(one.value)) == wide or one.name == "angle_offset", one
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["stated", "free"])
+def test_the_damping_of_mit_mode_is_stated_or_found(robot: Robot, known: bool) -> None:
+    """kp in N m/rad and kd in N m s/rad; without kd its torque would be taken for viscous friction."""
+    law, kd = preset("mit"), 0.15
+    true = parameters(full_torque=1.0, back_emf=0.0, damping_gain=kd)
+    logs = virtual_logs(robot, true, law, gains=(2.0, 4.0))
+    law = law.stated({"damping_gain": kd} if known else {"has_damping_gain": True})
+    joint = identify_actuators(robot, ServoSetup((law,), COLUMNS, "m1"), logs).joints[0]
+    assert joint.value("damping_gain") == pytest.approx(kd, rel=0.01)
+    assert joint.value("viscous") == pytest.approx(TRUE["viscous"], rel=0.03)
+    assert joint.value("full_torque") == pytest.approx(1.0, rel=0.01)
+    assert ("damping_gain" in {one.name for one in joint.known}) != known
 
 
 def test_a_slew_limit_of_the_drive_is_found(robot: Robot) -> None:

@@ -61,6 +61,8 @@ def test_what_does_not_go_with_servos_is_refused(
         ("enabled:", "enable:", "did you mean 'enabled'"),
         ("'kp{}'", "'gain{}'", "no position gain"),
         ("q_ref1", "q_goal", "no column of the command"),
+        ("friction: m1", "full_torque: [2.9, 3.1]", "half width below it"),
+        ("friction: m1", "damping_gain: fre", "servo.damping_gain"),
         ("train:", "drives: {joint1: {rotor_inertia: 0.01}}\ntrain:", "no effect beside servo"),
     ],
 )
@@ -91,6 +93,15 @@ def test_errors_of_real_servos(
     joint = json.loads(Path("a.json").read_text())["joints"]["joint1"]
     for key, most in (("linear_error_rad", linear), ("test_error_rad", refined)):
         assert 1e3 * sum(joint[key].values()) / 4 < most
+
+
+def test_a_known_torque_and_damping_are_read(folder: Path) -> None:
+    text = CASE.replace(
+        "friction: m1", "full_torque: [2.9, 0.3], damping_gain: 0.2, joints: {joint1: {full_torque: [2, 0]}}"
+    )
+    Path("case.yaml").write_text(text)
+    servo = read_case("case.yaml").servo
+    assert servo is not None and servo.laws[0].full_torque == (2.0, 0.0) and servo.laws[0].damping_gain == 0.2
 
 
 def test_logs_of_the_command_line_are_those_of_the_report(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -51,6 +51,9 @@ class DriveLaw:
         delay_s: Time until a command acts in s; None where it is free.
         resolution: Step of the encoder in rad; 0 where it is not known.
         has_damping_gain: Whether the drive damps the velocity error by a gain that is to be found.
+        damping_gain: That gain where it is known: duty (or N m) per rad/s; 0 where there is none, or it is to be found.
+        full_torque: Torque at full duty that is known (of a drive that controls torque: torque over the commanded one)
+            and its half width of 95 %, in N m; it is the scale where the logs have none. None where it is not known.
         known: Where each field is known from.
     """
 
@@ -66,6 +69,8 @@ class DriveLaw:
     delay_s: float | None = None
     resolution: float = 0.0
     has_damping_gain: bool = False
+    damping_gain: float = 0.0
+    full_torque: tuple[float, float] | None = None
     known: Mapping[str, KnownFrom] = field(default_factory=dict)
 
     @property

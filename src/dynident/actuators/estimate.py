@@ -192,6 +192,7 @@ def _joint(name: str, own: Mapping[str, Any]) -> JointActuator:
     law = dict(own["law"])
     law["known"] = {key: KnownFrom(**value) for key, value in law["known"].items()}
     law["limit"] = np.inf if law["limit"] is None else law["limit"]
+    law["full_torque"] = tuple(law["full_torque"]) if law.get("full_torque") else None
 
     def array(values: Mapping[str, Any]) -> Array:
         found = [values[one.name] for one in PARAMETERS]

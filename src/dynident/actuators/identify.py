@@ -19,7 +19,8 @@ from dynident.actuators.parameters import PLACE, with_zero
 from dynident.actuators.poor_fit import poor_fit
 from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, rolled_out, started
 from dynident.actuators.servo_log import ServoLog, ServoSetup, check_gains, is_outside, kp_values, laws_of
-from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters
+from dynident.actuators.torque_scale import as_ratios, at_torque, contradiction, rescaled
+from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters, lacks_scale
 from dynident.arrays import Array
 from dynident.model.robot import Robot
 
@@ -149,6 +150,16 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
         for values in (parameters, simple, linear):
             values[PLACE["gain_ratio"]] *= fit.ratio
         known = tuple(one.scaled(fit.ratio) if one.name == "gain_ratio" else one for one in known)
+    law, remarks = data.law, _remarks(data, kp, fit.parameters)
+    inertia = float(np.mean([np.mean(one.loads[:, 0]) for one in data.train]))
+    known = as_ratios(known, spread, inertia)
+    if law.full_torque is not None and lacks_scale({one.name: one.label for one in known}) and not law.gain_is_free:
+        known = at_torque(known, law.full_torque, inertia)
+        parameters, simple, linear = (
+            rescaled(one, law.full_torque[0], inertia) for one in (parameters, simple, linear)
+        )
+    elif law.full_torque is not None:
+        remarks += contradiction(known, law.full_torque, law.gain_is_free)
     saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
     known, combinations = _known_together(data, known, parameters, "gain_ratio" in fit.free, kp)
     test = [started(one, fit.parameters, FIRST) for one in data.test]
@@ -167,7 +178,7 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
         linear_test=_errors(test or data.train, fit.linear),
         folds=fit.folds,
         saturated=saturated,
-        remarks=_remarks(data, kp, fit.parameters),
+        remarks=remarks,
     )
 
 

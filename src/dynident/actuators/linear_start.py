@@ -65,6 +65,7 @@ class StartRows:
         slope: Its derivative by the angle, shape (K,).
         on: Whether the drive is on, shape (K,).
         supply: Shape (K,).
+        damping: Known duty per rad/s of velocity error.
         fixed: Filtered columns that depend on neither delay nor slew limit, made when asked for.
     """
 
@@ -78,6 +79,7 @@ class StartRows:
     slope: Array
     on: Array
     supply: Array
+    damping: float = 0.0
     fixed: dict[str, Array] = field(default_factory=dict)
 
     def column(self, name: str, duty: Array, torque: float) -> Array:
@@ -111,6 +113,7 @@ def start_rows(log: ServoLog, joint: int, load: JointLoad, motion: MeasuredMotio
         slope=c2 * np.cos(q) - c1 * np.sin(q),
         on=log.enabled[held, joint].astype(float),
         supply=log.supply[held],
+        damping=law.damping_gain,
     )
 
 
@@ -132,6 +135,7 @@ def duty_of(rows: StartRows, delay: float, slew: float) -> tuple[Array, BoolArra
     error = goal - rows.angle
     error = np.where(np.abs(error) <= dead, 0.0, error)
     raw = per_error * error + punch * np.sign(error) + log.added[held, rows.joint]
+    raw += rows.damping * (log.dq_ref[held, rows.joint] - rows.motion.dq[:, rows.joint])
     limited = np.abs(raw) >= most
     width = max(1, round(0.05 / (time[1] - time[0])))
     near = np.convolve(limited & (rows.on > 0.5), np.ones(2 * width + 1), mode="same") > 0.5
@@ -276,6 +280,7 @@ def _regression(
     if "load_external" in friction.free:
         parameters[PLACE["load_external"]] = parameters[PLACE["load_motor"]]
     parameters[PLACE["delay"]], parameters[PLACE["slew_limit"]] = delay, slew
+    parameters[PLACE["damping_gain"]] += law.damping_gain  # 0 where it is found
     return parameters, share
 
 

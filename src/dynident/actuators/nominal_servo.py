@@ -138,6 +138,7 @@ def of_limits(joint: Joint, law: DriveLaw, friction: str, kp: float, carries_wei
     put("delay", DELAY_S if law.delay_s is None else law.delay_s)
     put("slew_limit", np.inf if law.slew_limit is None else law.slew_limit)
     put("angle_offset", OFFSET if carries_weight else 0.0)
+    put("damping_gain", law.damping_gain)
     if law.has_damping_gain:
         put("damping_gain", 1.0 if law.controls_torque else 0.02 * kp * law.error_gain)
     if law.gain_is_free:

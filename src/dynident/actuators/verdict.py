@@ -66,7 +66,7 @@ class Known:
         label: identified, known as a ratio, weak, at its bound, or not separable.
         together: Parameter that it is known with only; empty for none.
         ratio: Half width where the scale that all torques and inertias have in common is held; None where the bodies
-            are known and give it.
+            are known and give it. Of a joint without weight the torque at full duty is held.
     """
 
     name: str
@@ -343,14 +343,14 @@ EXPERIMENTS = {
 #: What separates all torques of a joint from its armature, where no weight and no known inertia does.
 SCALE = (
     "only their ratios are known: no weight sets the scale of the torques; record a known payload off the axis too "
-    "(servo: payloads)"
+    "(servo: payloads), or state a known torque (servo: full_torque)"
 )
 
 
 def lacks_scale(labels: Mapping[str, str]) -> bool:
     """Return whether the scale is missing: torque and armature are not separable, by labels, and the delay is known."""
-    unknown = [labels.get(name) == "not separable" for name in ("full_torque", "armature", "delay")]
-    return unknown == [True, True, False]
+    unknown = [labels.get(name) in ("not separable", AS_RATIO) for name in ("full_torque", "armature", "delay")]
+    return unknown == [True, True, False] and labels["full_torque"] == "not separable"
 
 
 def unit_of(name: str) -> str:

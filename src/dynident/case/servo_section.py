@@ -1,8 +1,7 @@
 """The key ``servo`` of a case file: position servos whose logs have commands and positions, and no torque.
 
-Keys for all joints: law, kp, error_gain, limit, dead_zone, punch, slew_limit, delay_s, damping_gain, friction, enabled,
-supply, nominal_volts, feedforward, counts, calibration, payloads, and joints with a mapping of the first eight for one
-joint.
+Keys for all joints: those of LAW_KEYS, kp, friction, enabled, supply, nominal_volts, feedforward, counts, calibration,
+payloads, and joints with a mapping of LAW_KEYS for one joint.
 docs/case-file.md describes each.
 """
 
@@ -25,7 +24,17 @@ from dynident.model.robot import Robot
 from dynident.simulation.effects import Payload
 
 #: Keys of a drive law, for all joints or for one.
-LAW_KEYS = ("law", "error_gain", "limit", "dead_zone", "punch", "slew_limit", "delay_s", "damping_gain")
+LAW_KEYS = (
+    "law",
+    "error_gain",
+    "limit",
+    "dead_zone",
+    "punch",
+    "slew_limit",
+    "delay_s",
+    "damping_gain",
+    "full_torque",
+)
 
 KEYS = (
     *LAW_KEYS,
@@ -157,8 +166,16 @@ def _law(section: Section, law: DriveLaw) -> DriveLaw:
             fields[key] = np.inf if key == "slew_limit" else 0.0
         elif section.has(key):
             fields[key] = section.at_least_zero(key, unbounded=True)
+    if section.has("full_torque"):
+        torque, half = section.numbers("full_torque", 2).tolist()
+        if not (torque > 0.0 and 0.0 <= half < torque):
+            step = "write the torque and the half width of its 95 % interval, such as [2.9, 0.3]"
+            raise section.place("full_torque").error("no torque with a half width below it", step)
+        fields["full_torque"] = (torque, half)
     if section.has("damping_gain"):
-        fields["has_damping_gain"] = section.choice("damping_gain", ("free", "none")) == "free"
+        is_free, is_none = (section.value("damping_gain") == word for word in ("free", "none"))
+        fields["has_damping_gain"] = is_free
+        fields["damping_gain"] = 0.0 if is_free or is_none else section.at_least_zero("damping_gain")
     return law.stated(fields) if fields else law
 
 

@@ -10,7 +10,7 @@ from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
 from dynident.actuators.poor_fit import MISSED
-from dynident.actuators.verdict import EXPERIMENTS, SCALE, lacks_scale, unit_of
+from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, SCALE, lacks_scale, unit_of
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
 
 
@@ -21,7 +21,8 @@ def parameter_table(joint: JointActuator) -> Table:
         name = one.name.replace("_", " ")
         label = one.label if not one.together else f"{one.label}, only with {one.together.replace('_', ' ')}"
         half = MISSING if not np.isfinite(one.half_width) else format_number(one.half_width, 2)
-        value = format_number(one.value, 4) if half == MISSING else format_value(one.value, one.half_width)[0]
+        width = one.half_width if np.isfinite(one.half_width) or one.ratio is None else one.ratio
+        value = format_value(one.value, width)[0] if np.isfinite(width) else format_number(one.value, 4)
         value = "0" if one.label == "at its bound" and _is_none(one.name, one.value) else value
         ratio = [MISSING if one.ratio is None else format_number(one.ratio, 2)] * has_ratio
         rows.append((name, value, half, *ratio, pretty_unit(unit_of(one.name)), label))
@@ -126,6 +127,10 @@ _NEVER_ZERO = {
 }
 
 
+#: Labels of what a joint without weight leaves without scale.
+_UNSCALED = ("not separable", AS_RATIO)
+
+
 def joint_warnings(joint: JointActuator) -> list[str]:
     """Return what speaks against trusting the actuator of a joint."""
     found = list(joint.remarks)
@@ -135,10 +140,10 @@ def joint_warnings(joint: JointActuator) -> list[str]:
         found.append(f"{one.name} is known only as a whole ({one.words})")
     scaleless = lacks_scale({one.name: one.label for one in joint.known})
     if scaleless:
-        names = ", ".join(one.name.replace("_", " ") for one in joint.known if one.label == "not separable")
+        names = ", ".join(one.name.replace("_", " ") for one in joint.known if one.label in _UNSCALED)
         found.append(f"{names}: {SCALE}")
     for one in joint.known:
-        if scaleless and one.label == "not separable":
+        if scaleless and one.label in _UNSCALED:
             continue
         if one.label in ("weak", "not separable") and one.name in EXPERIMENTS and not joint.combinations:
             found.append(f"{one.name.replace('_', ' ')} is {one.label}: {EXPERIMENTS[one.name]}")
