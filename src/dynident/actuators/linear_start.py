@@ -250,19 +250,7 @@ def _regression(
             targets.append(one.target[keep])
         matrix, target = np.concatenate(blocks), np.concatenate(targets)
         if len(matrix) < _FEWEST:
-            many = ", ".join(dict.fromkeys(one.log.name for one in rows[:4]))
-            name = rows[0].log.joints[rows[0].joint]
-            moving = sum(int(np.sum(np.abs(one.motion.dq[:, one.joint]) > REST)) for one in rows)
-            if moving < _FEWEST:
-                rate = 1.0 / float(np.median(np.diff(rows[0].log.time)))
-                step = (
-                    "log motions of tens of degrees with the drive on, and check the column of its position and the "
-                    "unit of the time (log: {units: {time: ms}})"
-                )
-                raise LogMismatch(many, f"{name} moves in {moving} samples only (logs of {rate:.3g} Hz)", step)
-            evidence = f"only {len(matrix)} samples of {name} move without saturation"
-            step = "log slower or smaller motions, or a lower kp, so that the duty stays below its limit"
-            raise LogMismatch(many, evidence, step)
+            raise _too_few(rows, len(matrix))
         factor = np.asarray(np.linalg.qr(np.column_stack([matrix, target]), mode="r"))
         matrix, target = factor[:, :-1], factor[:, -1]
         norms = np.linalg.norm(matrix, axis=0)
@@ -282,6 +270,23 @@ def _regression(
     parameters[PLACE["delay"]], parameters[PLACE["slew_limit"]] = delay, slew
     parameters[PLACE["damping_gain"]] += law.damping_gain  # 0 where it is found
     return parameters, share
+
+
+def _too_few(rows: Sequence[StartRows], count: int) -> LogMismatch:
+    """Return the error that only some samples of a joint move without saturation, with what to log."""
+    many, name = ", ".join(dict.fromkeys(one.log.name for one in rows[:4])), rows[0].log.joints[rows[0].joint]
+    moving = sum(int(np.sum(np.abs(one.motion.dq[:, one.joint]) > REST)) for one in rows)
+    if moving < _FEWEST:
+        rate = 1.0 / float(np.median(np.diff(rows[0].log.time)))
+        step = (
+            "log motions of tens of degrees with the drive on, and check the column of its position and the unit of "
+            "the time (log: {units: {time: ms}})"
+        )
+        return LogMismatch(many, f"{name} moves in {moving} samples only (logs of {rate:.3g} Hz)", step)
+    evidence = f"only {count} samples of {name} move without saturation"
+    return LogMismatch(
+        many, evidence, "log slower or smaller motions, or a lower kp, so that the duty stays below its limit"
+    )
 
 
 def _column(name: str, rows: StartRows, duty: Array, torque: float) -> Array:
