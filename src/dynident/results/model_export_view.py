@@ -45,5 +45,5 @@ def left_out_lines(export: ModelExport) -> Iterator[str]:
     yield f"\nleft out of {export.files[0]}, and in {export.files[-1]}:"
     for joint, terms in by_joint.items():
         worst = export.neglected.get(joint)
-        size = f"; their torque: at most {format_number(worst, 3)} N m or N" if worst is not None else ""
+        size = f"; {format_number(worst, 3)} N m or N rms are missing" if worst is not None else ""
         yield f"  {label(joint)}: {', '.join(terms)}{size}"

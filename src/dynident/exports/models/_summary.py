@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array
 from dynident.exports.base import Proof
 from dynident.exports.models.proving.followed_motion import MotionProof
 from dynident.exports.models.subject.drives import Term, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import NONE, Identified
-from dynident.exports.models.subject.states import states_of
+from dynident.exports.models.subject.states import motion_of_fit
 
 
 @dataclass(frozen=True, repr=False)
@@ -29,8 +28,8 @@ class ModelExport:
         proofs: What each engine made of them.
         motion: How the model follows the motion of a log in simulation; None where that was not asked for.
         left_out: Coefficients that the first file cannot hold; the file beside it has them.
-        neglected: Largest torque of what the first file cannot hold, smooth signs included, by joint, in N m or N, on
-            the states of the proof; empty where it holds everything.
+        neglected: Root mean square of the torque that the first file cannot hold, by joint, in N m or N, among the
+            states that the logs of the fit have seen; empty where it holds everything.
         notes: What the reader has to know.
     """
 
@@ -60,18 +59,14 @@ def model_export_data(export: ModelExport) -> dict[str, Any]:
 
 
 def neglected_torque(subject: Identified, left_out: tuple[Term, ...]) -> dict[str, float]:
-    """Return the largest torque of each joint that a format with some coefficients missing does not give."""
+    """Return the torque of each joint, rms, that a format with some coefficients missing does not give."""
     if subject.origin == NONE or not left_out:
         return {}
-    motion = states_of(subject.model).motion
+    motion = motion_of_fit(subject.estimate)
     drives = drives_of(subject)
     lost = {term.held_as for term in left_out if drives.alone[drives.joints.index(term.joint)]}
     coupled = not any(term in left_out for term in drives.coupled_rest())
     taken = drives.torque(motion, armature="armature" not in lost, coupled=coupled, dry="friction" not in lost)
     held = rigid_torque(subject, motion) + taken
-    rest = _largest(subject.model.torque(motion, subject.theta) - held)
-    return dict(zip(subject.model.robot.joint_names, rest, strict=True))
-
-
-def _largest(torque: Array) -> list[float]:
-    return np.abs(torque).max(axis=0).tolist()
+    rest = subject.model.torque(motion, subject.theta) - held
+    return dict(zip(subject.model.robot.joint_names, np.sqrt(np.mean(rest**2, axis=0)).tolist(), strict=True))

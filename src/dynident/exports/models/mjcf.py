@@ -18,7 +18,7 @@ from dynident.exports.models.subject.drives import Drives, drives_of, rigid_torq
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription, anew_note
 from dynident.exports.models.subject.states import StateSet
-from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
+from dynident.exports.models.writing.document import document_bytes, friction_notes, left_out, place_beside
 from dynident.exports.models.writing.mjcf_own import beside, patched_mjcf
 from dynident.exports.models.writing.xml_text import checked_names, number, numbers, quaternion, unused_name
 from dynident.model.parameters import to_mujoco_fullinertia
@@ -63,7 +63,7 @@ class Mjcf(ModelExporter):
             notes.append("joints that follow another are held to it by a soft equality constraint of MuJoCo")
         if drives.dry.any():
             notes.append("frictionloss is regularised by MuJoCo's solver: solreffriction and solimpfriction set how")
-        return ModelContent(files, left, (*notes, *sharp_note(drives, "MJCF")))
+        return ModelContent(files, left, (*notes, *friction_notes(drives, "MJCF")))
 
     def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path = folder / next(iter(content.files)).name
@@ -99,7 +99,7 @@ class Mjcf(ModelExporter):
         files = {**beside(path, source, patched), place_beside(path): document_bytes(subject, drives)}
         notes = ((source.note,) if source.note else ()) + patched.notes
         return ModelContent(
-            files, left_out(drives, armature=True, coupled=False), (*notes, *sharp_note(drives, "MJCF"))
+            files, left_out(drives, armature=True, coupled=False), (*notes, *friction_notes(drives, "MJCF"))
         )
 
     def _text(self, subject: Identified, drives: Drives) -> bytes:

@@ -16,7 +16,7 @@ from dynident.exports.models.proving.urdf_proof import locked_of, stated_frictio
 from dynident.exports.models.subject.drives import Drives, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet
-from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
+from dynident.exports.models.writing.document import document_bytes, friction_notes, left_out, place_beside
 from dynident.exports.models.writing.urdf import written_urdf
 from dynident.model.robot import Robot
 
@@ -47,7 +47,7 @@ class Pinocchio(ModelExporter):
         own = ["rnea has armature; it passes over damping and friction, and regressors pass over armature as well"]
         own += _mimic_notes(subject.model.robot)
         left = left_out(drives, armature=True, coupled=False)
-        return ModelContent(files, left, (*notes, *own, *sharp_note(drives, "Pinocchio")))
+        return ModelContent(files, left, (*notes, *own, *friction_notes(drives, "Pinocchio")))
 
     def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path, settings, _ = (folder / file.name for file in content.files)

@@ -13,7 +13,7 @@ from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import anew_note
 from dynident.exports.models.subject.states import StateSet
-from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
+from dynident.exports.models.writing.document import document_bytes, friction_notes, left_out, place_beside
 from dynident.exports.models.writing.sdf_own import patched_sdf
 from dynident.exports.models.writing.sdf_text import base_note, sdf_text
 from dynident.exports.models.writing.urdf import between_note
@@ -45,7 +45,7 @@ class Sdf(ModelExporter):
             notes = (*((subject.source.note,) if subject.source.note else ()), *patched.notes)
             files = {path: patched.data, place_beside(path): document_bytes(subject, drives)}
             left = left_out(drives, armature=True, coupled=False)
-            return ModelContent(files, left, (*notes, *sharp_note(drives, "SDF")))
+            return ModelContent(files, left, (*notes, *friction_notes(drives, "SDF")))
         files = {path: sdf_text(subject, drives), place_beside(path): document_bytes(subject, drives)}
         notes = [
             *anew_note(subject.source, subject.estimate, "SDF"),
@@ -56,7 +56,7 @@ class Sdf(ModelExporter):
         if any(joint.mimic is not None for joint in subject.model.robot.joints):
             notes.append("joints that follow another move freely: SDF 1.7 cannot say that they follow")
         left = left_out(drives, armature=True, coupled=False)
-        return ModelContent(files, left, (*notes, *sharp_note(drives, "SDF")))
+        return ModelContent(files, left, (*notes, *friction_notes(drives, "SDF")))
 
     def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path = folder / next(iter(content.files)).name

@@ -12,7 +12,7 @@ from dynident.exports.models.proving.urdf_proof import reload_urdf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet
-from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
+from dynident.exports.models.writing.document import document_bytes, friction_notes, left_out, place_beside
 from dynident.exports.models.writing.urdf import written_urdf
 
 
@@ -38,7 +38,7 @@ class UrdfModel(ModelExporter):
         data, notes = written_urdf(subject, drives, self.lump)
         files = {path: data, place_beside(path): document_bytes(subject, drives)}
         left = left_out(drives, armature=False, coupled=False)
-        return ModelContent(files, left, (*notes, *sharp_note(drives, "URDF")))
+        return ModelContent(files, left, (*notes, *friction_notes(drives, "URDF")))
 
     def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         first, beside = (folder / file.name for file in content.files)

@@ -1,4 +1,8 @@
-"""What simulators hold of the drives, one number each: armature, damping, Coulomb friction; and what is left over."""
+"""What simulators hold of the drives, one number each: armature, damping, Coulomb friction; and what is left over.
+
+Where friction has parts of another shape over speed or load, damping and Coulomb friction are those nearest to the
+whole of it where the logs of the fit have been: a part that is merely left out takes its torque with it.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,11 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from scipy.optimize import nnls
 
 from dynident.arrays import Array, BoolArray
 from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.states import motion_of_fit
 from dynident.model.friction import FRICTION, Motion, auto_friction
 from dynident.model.kernels import batched
 
@@ -51,6 +57,7 @@ class Drives:
         armature: Reflected rotor inertia, known and identified, shape (n,), in kg m^2 or kg.
         damping: Viscous friction, shape (n,), in N m s/rad or N s/m.
         dry: Coulomb friction, shape (n,), in N m or N.
+        nearest: Which drives have damping and Coulomb friction nearest to a curve of another shape, shape (n,).
         has_friction: Whether the model of the estimate has friction on the drive, shape (n,).
         rest: What is left over.
     """
@@ -60,6 +67,7 @@ class Drives:
     armature: Array
     damping: Array
     dry: Array
+    nearest: BoolArray
     has_friction: BoolArray
     rest: tuple[Term, ...]
 
@@ -113,6 +121,7 @@ def drives_of(subject: Identified) -> Drives:
     size = robot.dof
     held = {word: np.zeros(size) for word in ("armature", "damping", "friction")}
     has_friction = np.zeros(size, dtype=bool)
+    nearest = np.zeros(size, dtype=bool)
     rest: list[Term] = []
     column = 0
     for part in model.friction:
@@ -124,12 +133,17 @@ def drives_of(subject: Identified) -> Drives:
             kept, left = part.in_simulators(own[j])
             for word, value in kept.items():
                 held[word][j] += value
+            nearest[j] |= any(left.values()) and not all(part.is_constant)
             units = {c.symbol: c.unit_of(robot.active[j].kind) for c in part.coefficients}
             rest += [
                 Term(robot.joint_names[j], name, symbol, value, units.get(symbol, robot.active[j].unit), part.options)
                 for symbol, value in left.items()
                 if value
             ]
+    if nearest.any():
+        damping, dry = _nearest(subject, table)
+        held["damping"] = np.where(nearest, damping, held["damping"])
+        held["friction"] = np.where(nearest, dry, held["friction"])
     known = np.array([joint.drive.reflected_inertia for joint in robot.active])
     bias = [
         Term(joint.name, "drive", "bias", joint.drive.bias, joint.unit, {})
@@ -142,9 +156,26 @@ def drives_of(subject: Identified) -> Drives:
         known + held["armature"],
         held["damping"],
         held["friction"],
+        nearest,
         has_friction,
         (*rest, *bias),
     )
+
+
+def _nearest(subject: Identified, table: Array) -> tuple[Array, Array]:
+    """Return damping and Coulomb friction, each (n,) and >= 0, nearest to each drive's friction, constants apart."""
+    model, motion = subject.model, motion_of_fit(subject.estimate)
+    kinds = [np.array([part.is_inertia, part.is_constant]) for part in model.friction]
+    counts = ~np.any(np.concatenate(kinds, axis=1), axis=0)
+    columns = model.friction_values(model.loaded(motion, subject.theta))[..., counts]
+    torque = np.einsum("sjk,jk->sj", columns, table[:, counts])
+    speed = motion.dq @ np.asarray(model.robot.coupling).T
+    found = []
+    for j in range(model.robot.dof):
+        two = np.column_stack([speed[:, j], np.sign(speed[:, j])])
+        found.append(nnls(two, torque[:, j])[0])
+    damping, dry = np.array(found).T
+    return damping, dry
 
 
 def rigid_torque(subject: Identified, motion: Motion) -> Array:

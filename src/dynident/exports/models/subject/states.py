@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import UnknownChoice
+from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 
 #: States on which torques are compared, and their seed.
 STATES, SEED = 1000, 20
+
+#: States among those of the logs of a fit.
+SEEN = 10_000
 
 #: Samples in a row that are small steps, where friction remembers the way, and the least and largest of these steps as
 #: a share of what its states span; time from one sample to the next in s.
@@ -84,6 +88,22 @@ def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) ->
     # Friction that depends on the load takes the model's own torque, not a drawn one.
     motion = model.with_states(Motion(q, motion.dq, motion.ddq, None, motion.temperature), PACE)
     return StateSet(motion, model.robot.gravity, follows, PACE if takes_time(model) else None)
+
+
+def motion_of_fit(estimate: Estimate) -> Motion:
+    """Return random states among the positions, speeds and accelerations of the logs of a fit.
+
+    Of an estimate that does not state these they are those of a proof. Friction that remembers is at its full level,
+    where it has one.
+    """
+    model, within = estimate.model, estimate.envelope
+    motion = replace(model.random_motion(SEEN, SEED), torque=None, state=None)
+    if within is not None:
+        shares = np.random.default_rng(SEED).uniform(size=(3, SEEN, model.robot.dof))
+        q, dq, ddq = within.low[:, None] + (within.high - within.low)[:, None] * shares
+        motion = replace(motion, q=q, dq=dq, ddq=ddq)
+    has_no_level = any(part.states and part.without_memory is part for part in model.friction)
+    return model.with_states(motion, PACE) if has_no_level else motion
 
 
 def _walk(model: DynamicModel, q: Array) -> Array:

@@ -22,6 +22,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
+from dynident.robot_files.tree import some
 
 #: Kind that every document states, and its versions.
 KIND: Final = "dynident model"
@@ -166,11 +167,15 @@ def left_out(drives: Drives, *, armature: bool, coupled: bool) -> tuple[Term, ..
     return (*rotors, *(() if coupled else drives.coupled_rest()), *drives.rest)
 
 
-def sharp_note(drives: Drives, target: str) -> tuple[str, ...]:
-    """Return the sentence on Coulomb friction: simulators have the sharp sign, the model may have a smooth one."""
+def friction_notes(drives: Drives, target: str) -> tuple[str, ...]:
+    """Return what damping and Coulomb friction of a target stand for, which has the sharp sign and no other part."""
+    curves = [name for name, is_nearest in zip(drives.joints, drives.nearest, strict=True) if is_nearest]
+    near = f"damping and Coulomb friction of {some(curves)} are those nearest to all parts of the friction in the logs"
+    nearest = (near,) if curves else ()
     if not drives.dry.any():
-        return ()
+        return nearest
     return (
+        *nearest,
         f"Coulomb friction is sharp at standstill in {target}, and tanh(dq / width) in the model where a width was "
         "set: torques differ below a few widths of speed",
     )

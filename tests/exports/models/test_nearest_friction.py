@@ -1,0 +1,92 @@
+"""Damping and Coulomb friction of simulators stand for the whole friction of a drive, not for two parts of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identified_arms import estimate_of
+
+from dynident.data.log import Log
+from dynident.exports.models import export_model
+from dynident.exports.models.subject.drives import Drives, drives_of
+from dynident.exports.models.subject.identified import identified
+from dynident.identification.estimate.estimate import Estimate
+from dynident.model.friction import Motion
+from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
+
+CURVED = ("coulomb", "viscous", "offset", "rotor_inertia", "degressive", "load")
+
+
+@pytest.fixture
+def curved(spatial_3r: Robot, exact_log: Callable[..., Log]) -> Estimate:
+    estimate = estimate_of(spatial_3r, exact_log, CURVED, exact=True)
+    assert estimate.theta is not None
+    model, theta = estimate.model, estimate.theta.copy()
+    for k, parameter in enumerate(model.parameters):
+        if k >= model.inertial_count and parameter.name.startswith("Fd"):
+            theta[k] = 5.0  # most of the friction
+    return replace(estimate, theta=theta, beta=estimate.base.from_standard(theta))
+
+
+def within(estimate: Estimate, seed: int) -> Motion:
+    """Return other states among those that the logs have seen."""
+    seen = estimate.envelope
+    assert seen is not None
+    shares = np.random.default_rng(seed).uniform(size=(3, 4000, estimate.model.robot.dof))
+    return Motion(*(seen.low[:, None] + (seen.high - seen.low)[:, None] * shares))
+
+
+def missing(estimate: Estimate, drives: Drives) -> np.ndarray:
+    """Return what drives lack of the friction, rms of each joint, offsets aside."""
+    model, motion = estimate.model, within(estimate, 7)
+    assert estimate.theta is not None
+    rigid = estimate.theta.copy()
+    rigid[model.inertial_count :] = 0.0
+    true = model.torque(motion, estimate.theta) - model.torque(motion, rigid)
+    offset = model.coefficient_table(estimate.theta)[:, 2]
+    rest = true - offset - drives.torque(motion, armature=True, coupled=True)
+    return np.sqrt(np.mean(rest**2, axis=0))
+
+
+def test_the_nearest_two_numbers_lose_little_of_a_curve(curved: Estimate) -> None:
+    drives = drives_of(identified(curved))
+    assert drives.nearest.all()
+    best = missing(curved, drives)
+    plain = {part.__class__.__name__: part for part in curved.model.friction}
+    assert {"Degressive", "Load"} <= set(plain)
+    table = curved.model.coefficient_table(curved.theta)
+    two = replace(drives, dry=table[:, 0], damping=table[:, 1])
+    assert np.all(best < 0.5 * missing(curved, two))
+    for factor in (0.8, 1.25):  # and no others near them are better
+        for word in ("dry", "damping"):
+            other = replace(drives, **{word: factor * getattr(drives, word)})
+            assert np.all(missing(curved, other) > 0.99 * best)
+
+
+def test_friction_that_simulators_hold_is_written_as_it_is(spatial_3r: Robot, exact_log: Callable[..., Log]) -> None:
+    estimate = estimate_of(spatial_3r, exact_log)
+    drives = drives_of(identified(estimate))
+    table = estimate.model.coefficient_table(identified(estimate).theta)
+    assert not drives.nearest.any()
+    assert np.array_equal(drives.dry, table[:, 0]) and np.array_equal(drives.damping, table[:, 1])
+
+
+@pytest.mark.parametrize("target", ["urdf", "mjcf", "sdf"])
+def test_files_hold_it_and_say_so(curved: Estimate, target: str, tmp_path: Path) -> None:
+    path = tmp_path / f"arm.{'xml' if target == 'mjcf' else target}"
+    export = export_model(curved, target, path)
+    drives = drives_of(identified(curved))
+    joints = [joint for joint in read_robot(path).joints if joint.damping is not None]
+    assert [joint.damping for joint in joints] == pytest.approx(drives.damping.tolist(), rel=1e-9)
+    assert [joint.friction for joint in joints] == pytest.approx(drives.dry.tolist(), rel=1e-9)
+    assert "are those nearest to all parts of the friction in the logs" in " ".join(export.notes)
+    assert {"Fd", "Fl"} <= {term.symbol for term in export.left_out}
+    beside = json.loads(Path(export.files[-1]).read_text(encoding="utf-8"))
+    assert beside["drives"]["damping"] == drives.damping.tolist()
+    assert any("degressive" in part for part in beside["friction"])
