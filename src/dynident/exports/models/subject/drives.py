@@ -11,7 +11,6 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from scipy.optimize import nnls
 
 from dynident.arrays import Array, BoolArray
 from dynident.exports.models.subject.identified import Identified
@@ -164,6 +163,8 @@ def drives_of(subject: Identified) -> Drives:
 
 def _nearest(subject: Identified, table: Array) -> tuple[Array, Array]:
     """Return damping and Coulomb friction, each (n,) and >= 0, nearest to each drive's friction, constants apart."""
+    from scipy.optimize import nnls  # slow to load
+
     model, motion = subject.model, motion_of_fit(subject.estimate)
     kinds = [np.array([part.is_inertia, part.is_constant]) for part in model.friction]
     counts = ~np.any(np.concatenate(kinds, axis=1), axis=0)
