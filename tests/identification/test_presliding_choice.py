@@ -23,6 +23,7 @@ from dynident.model.friction import WHOLE, Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.load import Load
 from dynident.model.friction.presliding import Presliding
+from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
@@ -129,6 +130,21 @@ def test_a_stribeck_effect_is_found_beside_presliding(planar_2r: Robot, exact_mo
     by_name = {p["name"]: p["value"] for p in found.parameters()}
     for name, value in (("Fp[joint1]", 3.0), ("Fp[joint2]", 2.0), ("Fs[joint1]", 0.3), ("Fs[joint2]", 0.2)):
         assert by_name[name] == pytest.approx(value, rel=0.1), name
+
+
+@pytest.mark.parametrize("seed", [5, 7])
+def test_a_stribeck_effect_and_a_delay_are_found_beside_presliding(
+    planar_2r: Robot, exact_motion: MakeMotion, seed: int
+) -> None:
+    """The delay beside which all parts are chosen is told with the Stribeck effect, not with presliding alone."""
+    truth = (Coulomb(0.01), Viscous(), Presliding(0.01), Stribeck(0.1, width=0.01))
+    log = logged(planar_2r, exact_motion, truth, [1.0, 1.0, 3.0, 1.5, 0.6, 0.5, 2.0, 1.0], 2.0, seed)
+    found = identify(DynamicModel(planar_2r, (*DRAFT, RotorInertia(choose=("part",)))), [log], "wls", HOW)
+    assert {type(part) for part in found.model.friction} == {type(part) for part in truth}
+    by_name = {p["name"]: p["value"] for p in found.parameters()}
+    assert (by_name["Fs[joint1]"], by_name["Fs[joint2]"]) == pytest.approx((1.5, 1.0), rel=0.03)
+    assert found.choices.delays is not None
+    assert found.choices.delays[0].applied * RATE == pytest.approx(2.0, abs=0.05)
 
 
 @pytest.mark.parametrize("late", [0, 2])

@@ -36,8 +36,7 @@ def auto_friction(robot: Robot | None = None) -> tuple[Friction, ...]:
     Inertia of the rotors is there where all torques are those of motor currents, which turn the rotors as well.
     """
     parts = (FRICTION.make(name, use.options) for name, use in _listed())
-    drives = [joint.drive for joint in robot.active] if robot else []
-    of_currents = bool(drives) and all(drive.gain and not drive.rotor_inertia for drive in drives)
+    of_currents = robot is not None and all(own.drive.gain and not own.drive.rotor_inertia for own in robot.active)
     return tuple(replace(part, choose=None) if of_currents and all(part.is_inertia) else part for part in parts)
 
 

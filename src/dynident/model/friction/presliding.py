@@ -87,8 +87,7 @@ class Presliding(Friction):
         """
         found = np.empty(motion.q.shape)
         for drive, (q, start) in enumerate(zip(motion.q.T, first.tolist(), strict=True)):
-            turns = np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1
-            starts = np.concatenate([[0], turns])
+            starts = np.concatenate([[0], np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1])
             bent = list(accumulate(np.diff(q[starts]).tolist(), self._moved, initial=start))
             samples, forth = np.diff(starts, append=len(q)), np.diff(q[starts], append=q[-1]) >= 0
             side, way = np.where(forth, 1.0, -1.0), np.abs(q - np.repeat(q[starts], samples))

@@ -162,6 +162,7 @@ class FrictionSearch:
         self.absent = tuple(p for p in self.absent if p not in self._lagging or p in there)
         if after is not None and not after.remembers:  # the others may have stood in its place: its delay comes first
             self.fields()
+            self.add_parts(and_fields=False)
             self.polish()
             return
         self.parts()
@@ -176,12 +177,12 @@ class FrictionSearch:
             if not all(self.decided[p].value for p in linear):
                 self.polish()
 
-    def fields(self, of: Sequence[int] | None = None) -> None:
-        """Choose the fields of all parts that are there, or of some of them, one after another."""
+    def fields(self) -> None:
+        """Choose the fields of all parts that are there, one after another."""
         for p, name in self._spans:
             names = [name] if name == "width" else self._own_fields(p)
             group = self._group(p, name)
-            if p not in self.absent and p == group[0] and name == names[0] and (of is None or p in of):
+            if p not in self.absent and p == group[0] and name == names[0]:
                 self.found |= {(p, each.field): each for each in self._chosen(group, names)}
 
     def parts(self) -> None:
@@ -190,11 +191,15 @@ class FrictionSearch:
         self.decided = self.with_linear_parts()
         if any(held.value for held in self.decided.values()):
             self.fields()
+        self.add_parts()
+
+    def add_parts(self, and_fields: bool = True) -> None:
+        """Put absent parts with fields there that held-out rows ask for; with each, choose the fields of all again."""
         for p, part in enumerate(self.stated.friction):
             there = {called(own) for q, own in enumerate(self.model.friction) if q not in self.absent}
             if p in self.absent and self._own_fields(p) and not part.lags and (not part.after or there & {*part.after}):
                 self.decided[p] = self.with_part(p)
-                if self.decided[p].value:
+                if self.decided[p].value and and_fields:
                     self.fields()
 
     def polish(self) -> None:
@@ -254,8 +259,7 @@ class FrictionSearch:
         """Give a part the width that those have that it shares it with."""
         for shared in self._group(p, "width") if (p, "width") in self._spans else ():
             if shared not in self.absent:
-                width = self.model.friction[shared].options["width"]
-                self.model = with_values(self.model, [p], {"width": width})
+                self.model = with_values(self.model, [p], {"width": self.model.friction[shared].options["width"]})
 
     def _of(self, heads: Iterable[int]) -> list[int]:
         """Return the places of stated parts and of those for drives of a width of their own."""
@@ -345,8 +349,7 @@ class FrictionSearch:
 
     def _grid(self, p: int, name: str) -> Array:
         """Return the values of a field over its range."""
-        is_further = name in self._own_fields(p)[1:]
-        return np.geomspace(*self._spans[p, name], BESIDE if is_further else COARSE)
+        return np.geomspace(*self._spans[p, name], BESIDE if name in self._own_fields(p)[1:] else COARSE)
 
     def _finer(self, fields: Sequence[tuple[Sequence[int], str]], turns: int = FINER) -> list[float]:
         """Return the values near those of the model that fit all rows best, of fields of groups of parts; take them."""
