@@ -63,7 +63,7 @@ def shown(capsys: Capture, *words: str) -> str:
 def test_the_answer_takes_one_screen(capsys: Capture) -> None:
     out = shown(capsys, "--test", "b.csv")
     lines = out.splitlines()
-    assert len(lines) <= 25 and lines[0].endswith("the log checks found no error")
+    assert len(lines) <= 25 and lines[0].endswith("the checks of the training logs found no error")
     told = json.loads(shown(capsys, "--test", "b.csv", "--json"))
     figure = f"{100 * told['test']['total_relative_error']:.2f}".rstrip("0")[:3]
     assert any("test error" in line and figure in line for line in lines)

@@ -425,6 +425,10 @@ def test_sorting_is_for_rows_out_of_order_only() -> None:
     swapped[[10, 11]] = swapped[[11, 10]]
     assert sortable(swapped)
     assert not sortable(np.concatenate([time, time + 0.001]))
+    for back in (0.35, 0.354, 0.0537):  # a clock that is set back runs through the same time twice
+        assert not sortable(np.concatenate([time[:500], time[500:] - back]))
+    late = np.concatenate([time[:500], time[505:520], time[500:505], time[520:]])  # five messages that arrived late
+    assert sortable(late)
 
 
 def test_a_torque_beyond_the_described_limit_is_not_at_it() -> None:

@@ -56,6 +56,19 @@ def test_a_torque_of_the_wrong_sign() -> None:
     assert any("negative correlation" in text for text in found), found
 
 
+@pytest.mark.parametrize(("factor", "is_told"), [(1.0, False), (1.01, False), (1.6, True)])
+def test_a_test_log_of_another_load_or_robot_is_told(factor: float, is_told: bool) -> None:
+    model, log = recorded()
+    assert log.torque is not None
+    estimate = identify(model, [log], preprocessing=HOW)
+    found = warnings_of(estimate, validate(estimate, [replace(log, torque=factor * log.torque)]))
+    assert bool(found) is is_told, found
+    if is_told:
+        assert re.search(
+            r"the test residual is \d+ times .*'dynident check CASE LOG --against ESTIMATE' looks", found[0]
+        )
+
+
 def test_samples_near_gaps_are_named() -> None:
     model, log = recorded()
     sound = identify(model, [log], preprocessing=HOW)

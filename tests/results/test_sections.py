@@ -180,7 +180,7 @@ def test_the_word_of_the_verdict_and_its_reason(case: tuple[Estimate, Validation
         found = context("verdict", replace(subject, estimate=replace(subject.estimate, provenance=stated)))
         return found["word"], found["reason"], found["tone"]
 
-    assert said(None) == ("No acceptance criteria", "the log checks found no error", "fair")
+    assert said(None) == ("No acceptance criteria", "the checks of the training logs found no error", "fair")
     assert said(0.05) == ("Accepted", "1 of 1 criteria met", "good")
     assert said(0.01) == ("Criteria not met", "total_error", "bad")
     wrong = examined("run.csv")

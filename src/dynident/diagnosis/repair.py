@@ -17,6 +17,9 @@ from dynident.model.robot import Robot
 #: Rows with a value that is not finite are left out up to this share; above it a recording is not repaired.
 MOST_LOST = 0.05
 
+#: Rows within so many usual steps of a row are looked at, and how many times as many as usual are two recordings.
+NEAR, CROWDED = 2.5, 1.5
+
 #: A sorted log whose rows were only out of order has no step shorter than this share of the median one.
 SHORTEST_STEP = 0.2
 
@@ -88,14 +91,21 @@ def out_of_order(time: Array) -> int:
 
 
 def sortable(time: Array) -> bool:
-    """Return whether rows are merely out of order: sorted, they are one recording and not two laid together."""
+    """Return whether rows are merely out of order: sorted, they are one recording and not two laid together.
+
+    A clock that was set back runs through the same time twice: there rows stand twice as close as elsewhere.
+    """
     if not np.isfinite(time).all():
         return False
-    steps = np.diff(np.sort(time))
-    steps = steps[steps > 0]
-    if not len(steps) or out_of_order(time) > MOST_LOST * len(time):
+    in_order, moved = np.sort(time), time[time < np.maximum.accumulate(time)]
+    steps, forward = np.diff(in_order), np.diff(time)
+    steps, forward = steps[steps > 0], forward[forward > 0]
+    if not len(forward) or len(moved) > MOST_LOST * len(time):
         return False
-    return bool(steps.min() >= SHORTEST_STEP * np.median(steps))
+    usual = float(np.median(forward))
+    first, last = (np.searchsorted(in_order, moved + side * NEAR * usual) for side in (-1, 1))
+    crowded = bool(len(moved)) and np.median(last - first) > CROWDED * 2 * NEAR
+    return bool(steps.min() >= SHORTEST_STEP * usual) and not crowded
 
 
 def wraps(log: Log, robot: Robot) -> dict[str, int]:

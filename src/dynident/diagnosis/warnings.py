@@ -18,6 +18,10 @@ POOR_FIT = 0.25
 #: R2 of a joint below which its channel says little.
 POOR_JOINT = 0.5
 
+#: Residual of a joint on test data over that on training data, and its share of the torque, above which the test log
+#: is told to be another one.
+UNLIKE, UNLIKE_ERROR = 4.0, 0.15
+
 #: How far a joint may leave its limits, in rad or m.
 BEYOND_LIMITS = 0.05
 
@@ -31,6 +35,7 @@ FAR = 3.0
 def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str, ...]:
     """Return the warnings, the most important first, each with what to check."""
     found = [
+        *([] if test is None else _unlike(estimate, test)),
         *check_warnings(quality_of(estimate) or ()),
         *_gaps(estimate),
         *_limits(estimate),
@@ -54,6 +59,19 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     if test is not None and test.departure is not None and estimate.envelope is not None and test.departure.leaves():
         found.append(test.departure.sentence(estimate.envelope))
     return tuple(dict.fromkeys(found))
+
+
+def _unlike(estimate: Estimate, test: Validation) -> list[str]:
+    """Say where a test log has another residual than the fit: another load, robot or unit, or a motion far from it."""
+    pairs = zip(test.moving, estimate.train.moving, strict=True)
+    times = {now.name: now.rmse / then.rmse for now, then in pairs if now.relative_error > UNLIKE_ERROR and then.rmse}
+    if not times or max(times.values()) < UNLIKE:
+        return []
+    joint = max(times, key=lambda name: times[name])
+    case = estimate.provenance.get("case", {}).get("path") or "CASE"
+    told = f"{joint}: the test residual is {times[joint]:.0f} times that of the training data"
+    step = f"'dynident check {case} LOG --against ESTIMATE' looks for a load, a unit or another robot as its cause"
+    return [f"{told}: {step}; 'dynident payload' weighs a load; or the motion is unlike those of the fit"]
 
 
 def _gaps(estimate: Estimate) -> list[str]:

@@ -137,7 +137,7 @@ def checks_line(estimate: Estimate) -> str:
         if count:
             more = f" and {len(names) - 3} more" if len(names) > 3 else ""
             told.append(f"{counted(count, severity)} ({', '.join(names[:3])}{more})")
-    return f"log checks: {'; '.join(told) or 'nothing found'}"
+    return f"checks of the training logs: {'; '.join(told) or 'nothing found'}"
 
 
 def warning_lines(warnings: Sequence[str], width: int) -> list[str]:
@@ -157,7 +157,7 @@ def _clauses(text: str, width: int) -> str:
 
 
 def verdict_line(verdict: Verdict) -> str:
-    """Return the verdict, or that the log checks found no error where no criteria are stated."""
+    """Return the verdict, or what the log checks found where no criteria are stated."""
     return headline(verdict) or f"no acceptance criteria stated (--accept); {reason_of(verdict)}"
 
 

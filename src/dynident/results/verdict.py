@@ -24,7 +24,9 @@ def reason_of(verdict: Verdict) -> str:
         told = f"the log checks have {count} finding{'s' * (count > 1)} at error level"
         return f"{told if count else 'it explains next to nothing of its own data'}; {STEP}"
     if verdict.word == NO_CRITERIA:
-        return "the log checks found no error" if verdict.is_checked else "the log checks were not made"
+        return (
+            "the checks of the training logs found no error" if verdict.is_checked else "the log checks were not made"
+        )
     missed = [criterion.criterion for criterion in verdict.criteria if not criterion.is_met]
     return ", ".join(missed) or f"{len(verdict.criteria)} of {len(verdict.criteria)} criteria met"
 

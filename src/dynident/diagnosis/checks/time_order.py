@@ -35,13 +35,14 @@ class TimeOrder(Check):
         if len(back):
             first = subject.raw.place(int(samples[back[0] + 1]))
             count = out_of_order(time)
-            evidence = f"time runs back {len(back)} times, first in {first}; rows out of order: {count}"
+            times = "once, in" if len(back) == 1 else f"{len(back)} times, first in"
+            evidence = f"time runs back {times} {first}; rows out of order: {count}"
             numbers = {"places": len(back), "rows": count}
             if sortable(time):
                 remedy = f"sort the rows ('{subject.fix}' writes them sorted)"
                 found.append(Finding("error", "rows out of order", "", evidence, remedy, numbers))
             else:
-                remedy = "split the file there into separate logs: the clock restarts, or two logs are in one file"
+                remedy = "split the file there into separate logs: the clock was set back, or two logs are in one file"
                 found.append(Finding("error", "time runs back", "", evidence, remedy, numbers))
         same = np.flatnonzero(np.diff(time) == 0)
         if len(same):
