@@ -18,13 +18,18 @@ ENOUGH = 0.95
 
 def shown(outcome: Outcome) -> str:
     mark = {"exact": "named", "wide": "WIDE", "false": "FALSE", "": "MISSED"}[outcome.grade]
-    return f"  {outcome.kind:32} {outcome.strength:<10.3g} {mark:7} {'; '.join(outcome.said)}"
+    bound = "" if outcome.log_tells else f"[the log does not tell: t = {outcome.sureness:.2g} at most] "
+    return f"  {outcome.kind:32} {outcome.strength:<10.3g} {mark:7} {bound}{'; '.join(outcome.said)}"
 
 
 def figured(grades: Counter[str]) -> str:
-    """Return how many were told with direction and figure, with a wide interval that holds it, and falsely."""
+    """Return how many were told with direction and figure, with a wide interval that holds it, and falsely.
+
+    Those of the rest are counted besides of which the log does not tell more, by the Cramer-Rao bound.
+    """
     return (
-        f"{grades['exact']} with direction and figure, {grades['wide']} in a wide interval, {grades['false']} falsely"
+        f"{grades['exact']} with direction and figure, {grades['wide']} in a wide interval, {grades['false']} falsely; "
+        f"of {grades['silent']} the log does not tell more"
     )
 
 
@@ -43,7 +48,7 @@ def main() -> None:
                 each.append(outcome)
                 print(shown(outcome), flush=True)
             good = sum(outcome.named for outcome in each)
-            own = Counter(outcome.grade for outcome in each)
+            own = Counter([*(one.grade for one in each), *("silent" for one in each if not one.log_tells)])
             total, named, grades = total + len(each), named + good, grades + own
             print(f"{robot}: {good} of {len(each)} named rightly, {figured(own)}, {time.perf_counter() - begin:.0f} s")
     print(f"{named} of {total} named rightly ({100 * named / max(total, 1):.1f} %), {figured(grades)}")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.faults.bound import log_tells, sureness
 from benchmarks.faults.effect import Reference, reference, smallest
 from benchmarks.faults.figures import CleanLog, grade, without_fault
 from benchmarks.faults.kinds import KINDS, Kind
@@ -31,7 +32,11 @@ OPEN = "scale not determined"
 
 @dataclass(frozen=True)
 class Outcome:
-    """One fault in one log: whether it was named, how its direction and figure were stated, and all that was said."""
+    """One fault in one log: whether it was named, how its direction and figure were stated, and all that was said.
+
+    ``sureness`` is how many standard deviations it is from none at most, and ``log_tells`` whether the log has more to
+    tell than was told.
+    """
 
     kind: str
     strength: float
@@ -39,6 +44,8 @@ class Outcome:
     grade: str
     said: tuple[str, ...]
     searched: bool
+    sureness: float = np.inf
+    log_tells: bool = True
 
 
 def strengths(kind: Kind, trial: Trial, against: Reference, folder: Path) -> tuple[tuple[float, ...], bool]:
@@ -101,7 +108,9 @@ def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "", recorded: 
                 grades = {grade(one, wanted, faulty, clean, without_fault(one, twice())) for one in right}
             best = next((word for word in GRADES if word in grades), "")
             said += tuple(one.evidence for one in right if best != "exact")
-            yield Outcome(kind.name, strength, bool(right), best, said, searched)
+            sure = np.inf if best in ("exact", "false") else sureness(faulty, clean, earlier, folder)
+            more = log_tells(best, sure, clean)
+            yield Outcome(kind.name, strength, bool(right), best, said, searched, sure, more)
 
 
 def _twice(

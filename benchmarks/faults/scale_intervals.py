@@ -54,7 +54,8 @@ def off(generator: np.random.Generator, bodies: list[Body], leaning: bool = True
 def with_errors(generator: np.random.Generator, trial: Trial, share: float, named: float = 1.0) -> Trial:
     """Return a log with torques and positions that no model of the checks has, about ``share`` of each torque.
 
-    Springs and waves of up to three periods a turn, which look like them, are ``named`` times as large.
+    Springs and waves that look like them, of up to three periods a turn or of no whole period within the range of the
+    joint, are ``named`` times as large.
     """
     motion, tau = put.smoothed(trial, 20.0), trial.columns["tau"]
     size, count = tau.std(axis=0), trial.joints
@@ -68,7 +69,8 @@ def with_errors(generator: np.random.Generator, trial: Trial, share: float, name
     more += some() * sign * np.abs(tau) / size
     more += some() * sign * np.sin(turns * motion.q + generator.uniform(0, 6, count))
     wave = some() * np.sin(turns * motion.q + generator.uniform(0, 6, count))
-    more += wave * np.where(turns <= SLOW, named, 1.0)
+    is_slow = (turns <= SLOW) | (turns * np.ptp(motion.q, axis=0) < 2 * np.pi)
+    more += wave * np.where(is_slow, named, 1.0)
     more += named * some() * (motion.q - motion.q.mean(axis=0)) / motion.q.std(axis=0)
     bend = share * 0.02 * generator.uniform(0.0, 1.0, count) * motion.q.std(axis=0) * tau / np.abs(tau).max(axis=0)
     return trial.with_columns(tau=tau + more, q=trial.columns["q"] + bend)

@@ -158,3 +158,15 @@ def test_the_size_of_a_scale_is_that_of_its_likeliest_figure() -> None:
     told = believed(blame, lambda joint: JointScale(joint, 0.95, 0.92, 0.99, 0.03))
     assert told is not None
     assert told.size == pytest.approx(1 / 0.95 - 1) == told.values[0]
+
+
+@pytest.mark.parametrize(("value", "is_told"), [(-0.55, True), (1.2, True), (-1.0, False), (1.6, False)])
+def test_a_scale_of_all_torques_is_told_up_to_where_the_check_of_their_unit_tells_it(
+    value: float, is_told: bool
+) -> None:
+    """A scale of none, beside which errors of the bodies are all of them, explains the torques as well."""
+    zeros = np.zeros(1)
+    blame = Blame(
+        Cause("torque scale", "", np.ones((1, 4, 1))), np.array([value]), np.eye(1), 9.0, 1.0, 0.0, 0.5, zeros, zeros
+    )
+    assert (believed(blame) is not None) == is_told

@@ -6,12 +6,16 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.append(str(Path(__file__).parents[2]))
 
+from benchmarks.faults import injections as put
+from benchmarks.faults.bound import Z95, log_tells, sureness
+from benchmarks.faults.figures import CleanLog
 from benchmarks.faults.matrix import alarms, outcomes
-from benchmarks.faults.trials import robots
+from benchmarks.faults.trials import robots, subject_of, virtual
 
 from dynident.case.case import read_case
 from dynident.diagnosis.examination import examine
@@ -47,6 +51,29 @@ def test_faults_are_named_from_the_smallest_that_matters(
     missed = [(one.kind, one.strength, one.said) for one in found if not one.named]
     assert len({one.kind for one in found}) >= 25
     assert len(missed) <= (1 - SHARES[robot]) * len(found), missed
+
+
+def test_what_a_log_tells_of_a_fault_at_most_grows_with_the_fault_and_bounds_what_is_told(tmp_path: Path) -> None:
+    case = read_case("generic-scara")
+    trial, earlier = virtual(case), virtual(case, seed=1).estimate(tmp_path)
+    clean = CleanLog(trial, subject_of(trial, tmp_path), ())
+    faults = [put.sprung(trial, share, 1) for share in (0.01, 0.02)]
+    faults += [put.tilted(trial, angle, np.random.default_rng(0)) for angle in (0.5, 1.0)]
+    sure = [sureness(fault, clean, earlier, tmp_path) for fault in faults]
+    assert sure[1] == pytest.approx(2 * sure[0], rel=1e-6) and sure[3] == pytest.approx(2 * sure[2], rel=1e-3)
+    (spring,) = [one for one in faults[1].examined(tmp_path, earlier).findings if one.name == "spring"]
+    assert 0.9 * Z95 / sure[1] < spring.numbers["half_width"] / spring.numbers["value"] < 4 * Z95 / sure[1]
+    assert sureness(put.timed(trial, 1.1), clean, earlier, tmp_path) == np.inf  # its torque is that of the log
+
+
+def test_no_log_is_asked_for_more_than_it_tells_and_none_is_why_a_figure_is_false(tmp_path: Path) -> None:
+    trial = virtual(read_case("generic-scara"))
+    clean = CleanLog(trial, subject_of(trial, tmp_path), ())
+    told = {
+        (grade, sure): log_tells(grade, sure, clean) for grade in ("wide", "", "false") for sure in (2.0, 10.0, 30.0)
+    }
+    silent = {("wide", 2.0), ("wide", 10.0), ("", 2.0)}
+    assert {key for key, tells in told.items() if not tells} == silent
 
 
 @pytest.mark.battery

@@ -343,21 +343,6 @@ def test_a_change_shows_against_an_earlier_estimate_where_the_description_is_wro
     assert all(abs(one.numbers["mass_kg"] - 0.05) > 0.1 for one in told)  # that of the wrong bodies
 
 
-def test_the_interval_of_a_spring_against_known_bodies_does_not_grow_with_the_spring(
-    trial: Trial, tmp_path: Path
-) -> None:
-    """What a cause makes of the residual is no noise of the figure."""
-    earlier = virtual(trial.case, seed=4, rate=RATE).estimate(tmp_path)
-    halves = []
-    for share in (0.02, 0.08):
-        found = put.sprung(trial, share, 0).examined(tmp_path, earlier).findings
-        (spring,) = [one for one in found if one.name == "spring" and not one.beside]
-        halves.append(spring.numbers["half_width"])
-        wanted = share * put.spreads(trial, "tau")[0] / put.spreads(trial, "q")[0]
-        assert abs(spring.numbers["value"] - wanted) < 1.5 * halves[-1]
-    assert halves[1] < 1.1 * halves[0]
-
-
 def test_an_earlier_estimate_of_a_clean_log_changes_nothing_and_one_of_another_robot_is_told(
     trial: Trial, clean: CleanLog, tmp_path: Path
 ) -> None:

@@ -10,8 +10,8 @@ deviations, which the log tells by the marginal likelihood (MacKay 1992, section
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,7 +19,9 @@ from dynident.arrays import Array, IntArray
 from dynident.case.evidence.torques import body_errors
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
-from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, own_inertia
+from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, load_columns, own_inertia
+from dynident.diagnosis.causes.quick_fit import OVERSAMPLING
+from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.residuals.quantiles import chi_square_tail
@@ -43,6 +45,9 @@ FIRST, LEAST, LARGEST, SEARCHED, SETTLED, SHORTEST = 0.1, 1e-5, 1e3, 30, 1e-2, 0
 
 #: Share of a step to the straight lines of a load about new values that is gone, as they turn.
 HALF = 0.5
+
+#: Causes that have no meaning against bodies: friction may be another one.
+LEFT_OUT = ("friction curve",)
 
 
 @dataclass(frozen=True)
@@ -242,21 +247,6 @@ class Anchored(CauseSearch):
         self._found[tuple(chosen)] = found
         return solved
 
-    def with_factors(self, factors: Array) -> Anchored:
-        """Return the same search where rows of each joint hang together by other factors, shape (n,)."""
-        again = copy(self)
-        again._factors, again._fits, again._found = factors, {}, {}
-        return again
-
-    def residual(self, causes: Sequence[Cause]) -> Array:
-        """Return what a fit with some of the causes leaves, rows that do not count zero, shape (N, n)."""
-        chosen = [k for k, one in enumerate(self.causes) if any(one is cause for cause in causes)]
-        beta, held = self.fit(chosen).beta.copy(), self._known.places
-        beta[held] = np.linalg.solve(self._known.factor, beta[held])
-        mixed = np.append(np.zeros(self.columns.grams.shape[1]), 1.0)
-        mixed[self.used(chosen)] = -beta
-        return np.stack([mixed[joint.places] @ joint.columns for joint in self.columns.joints], axis=1)
-
     def _deviance(self, solved: Solved) -> float:
         return float((self.rows.counts / self._factors) @ np.log(solved.variances)) + solved.surprise
 
@@ -361,3 +351,46 @@ def _share_of_bodies(information: Array, variances: Array, rest: IntArray, told:
         return 1.0
     certain = np.diag(np.linalg.pinv(information[np.ix_(rest, rest)], hermitian=True))[np.searchsorted(rest, told)]
     return float(np.clip(np.mean(1.0 - certain / variances[told]), 1e-6, 1.0))
+
+
+class AgainstBodies:
+    """What the torques leave where the bodies are the known ones, as far as they are known.
+
+    Attributes:
+        fit: The quick fit, whose bodies are free.
+    """
+
+    def __init__(self, trends: Trends, known: KnownBodies) -> None:
+        self.fit, self._trends, self._known = trends.fit, trends, known
+
+    @cached_property
+    def search(self) -> Anchored:
+        """The products of all columns."""
+        fit, rows = self.fit, self.fit.rows
+        target = rows.torque - rows.known
+        found = CauseRows(rows.blocks, rows.columns, fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
+        causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
+        load = Cause("load at the flange", "", load_columns(fit), hidden=TEN - TOLD)
+        causes += [load, Cause("torque scale", "", self.bodies[None])]
+        return Anchored(found, causes, self._known, fit.counts / fit.independent_rows)
+
+    @cached_property
+    def masses(self) -> Array:
+        """Mass of each link by the robot model, in kg; infinite where it states none."""
+        theta, count = self.fit.model.nominal(), self.fit.model.inertial_count
+        return (
+            np.full(count // TEN, np.inf) if theta is None or not theta[:count].any() else theta[TEN - 1 : count : TEN]
+        )
+
+    @property
+    def last_link(self) -> float:
+        """Standard deviation of the mass of the last link in kg, whose errors no log tells from a load."""
+        return FIRST * float(self.masses[-1]) if isinstance(self._known, NominalBodies) else 0.0
+
+    @cached_property
+    def bodies(self) -> Array:
+        """Torque of the known bodies, shape (N, n)."""
+        fit, rows = self.fit, self.fit.rows
+        beta = np.zeros(fit.base.count)
+        beta[self._known.places] = self._known.values
+        return np.stack([block @ beta[own] for block, own in zip(rows.blocks, rows.columns, strict=True)], axis=1)

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dynident.case.evidence.torques import agrees
 from dynident.diagnosis.causes.cause_search import MANY, Blame
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
@@ -50,7 +51,8 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
     What the speed of a clock does to inertial torques is its square, of which the coefficient is the straight line.
     The column of a torque's scale is a straight line through a curve: of one joint the profile likelihood has the
     figures, and those of another scale altogether are told by the check of the scales. Without one the bodies that are
-    known beforehand decide; a scale of all torques is linear in these.
+    known beforehand decide: of all torques up to where the check of their unit does. Far below, at none, errors of the
+    bodies would be all of the bodies.
     """
     if blame.cause.name == "time scale":
         if abs(float(blame.values[0])) >= FAR_CLOCK:
@@ -61,7 +63,9 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
         return blame
     scale = scale_of(blame.cause.joint)
     if scale is None:
-        return blame if not blame.cause.joint or abs(float(blame.values[0])) < FAR_SCALE else None
+        value = float(blame.values[0])
+        near = abs(value) < FAR_SCALE if blame.cause.joint else agrees(1.0 + value)
+        return blame if near else None
     if scale.is_open or scale.is_other or scale.low <= 1 <= scale.high:
         return None
     deviation = scale.spread / (Z95 * scale.factor)

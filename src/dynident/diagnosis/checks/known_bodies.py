@@ -8,9 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
-from dynident.diagnosis.causes.known_bodies import KnownBodies, nominal_bodies, with_rotors
+from dynident.diagnosis.causes.known_bodies import AgainstBodies, KnownBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.quick_fit import asks_inertia
 from dynident.diagnosis.causes.trend_findings import NARROW, TRENDS, Z95, believed, trend_finding
 from dynident.diagnosis.causes.trends import Trends
@@ -49,7 +48,7 @@ def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: st
     told = {(one.cause.name, one.cause.joint) for one in trends.blames if one.cause.name in ("time scale", "tilt")}
     return [
         _finding(each, None if each is blame else blame, against, words)
-        for blame in against.blames
+        for blame in against.search.blames()
         for each in (blame, *blame.rivals)
         if (each.cause.name, each.cause.joint) not in told  # of which the free bodies give the better figure
         and each.cause.name not in subject.described
