@@ -176,3 +176,15 @@ def test_init_drafts_the_case_of_an_arm_whose_joints_move_one_at_a_time(folder: 
     text = Path("arm.yaml").read_text()
     assert ("servo:" in text) == (size == 1.0)
     assert ("enabled: [on1, on2, on3, on4, on5]   # 1 where" in text) == (size == 1.0)
+
+
+def test_init_asks_for_the_time_of_a_servo_log_that_has_none(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = np.loadtxt("chirp_kp4.csv", delimiter=",", skiprows=1)
+    np.savetxt("bare.csv", table[:, 1:3], "%.9g", ",", header="q1,q_ref1", comments="")
+    assert main(["init", "pendulum.urdf", "bare.csv", "-o", "bare.yaml"]) == 0
+    text = Path("bare.yaml").read_text()
+    assert "servo:" in text and "time: ask" in text and "counts" not in text
+    assert "draft again with --rate" in "".join(capsys.readouterr())
+    assert main(["init", "pendulum.urdf", "bare.csv", "--rate", "200", "-o", "rated.yaml"]) == 0
+    train, _ = logs_of_servos(read_case("rated.yaml"))
+    assert train[0].time[200] == pytest.approx(1.0)

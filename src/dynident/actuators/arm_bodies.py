@@ -76,6 +76,7 @@ def free_bodies(
     """
     prior, turn, finely = _Prior(robot, setup, arm), 0, False
     theta = rigid_inertia(robot)
+    arm = replace(arm, turns=())  # they were under other bodies
     if len(arm.fits) == 1:  # it has been on its measured motion so far
         arm = turned(arm, arm.fits)
     while True:

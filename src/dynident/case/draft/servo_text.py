@@ -32,7 +32,7 @@ def has_counts(found: Recognised) -> bool:
     if not is_servo_log(found) or found.profiles:
         return False
     values = [one.signals[key] for one in found.readings for key in ("q", "q_ref")]
-    is_whole = all(bool(np.all((own == np.round(own)) | ~np.isfinite(own))) for own in values)
+    is_whole = bool(values) and all(bool(np.all((own == np.round(own)) | ~np.isfinite(own))) for own in values)
     return is_whole and max(float(np.nanmax(np.abs(own))) for own in values) > _TURN
 
 
