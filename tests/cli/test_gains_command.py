@@ -82,7 +82,10 @@ def test_gains_are_written_into_a_case_that_identify_takes(cell: Path, capsys: p
 def test_the_lines_to_paste_and_the_method(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["gains", "case.yaml", "--load", "loaded.csv", "--mass", "2", "--com", "0.05,0.02,-0.03"]) == 0
     shown = capsys.readouterr().out
-    assert "by the method 'structured'; the scale is set by a payload of 2 kg, centre 0.05, 0.02, -0.03 m" in shown
+    assert (
+        "by the method 'structured'; the scale is set by a payload of 2 kg, centre 0.05, 0.02, -0.03 m in the frame"
+        in shown
+    )
     assert "for the case file:\n\ndrives:\n" in shown
     assert "N/A" in shown and "identified" in shown
 
@@ -102,6 +105,20 @@ def test_a_loaded_run_without_its_load_determines_nothing(cell: Path, capsys: py
     assert main(["gains", "case.yaml", "--load", "loaded.csv", "--mass", "2", "--delay", "auto", "--json"]) == 1
     verdicts = [gain["label"] for gain in json.loads(capsys.readouterr().out)["gains"]]
     assert verdicts == ["not determined"] * 4
+
+
+def test_a_stated_centre_that_the_logs_contradict_determines_nothing(
+    cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Stated in another frame than the default one, as the frame of the flange for that of the tool."""
+    assert (
+        main(["gains", "case.yaml", "--load", "loaded.csv", "--mass", "2", "--com", "0.25,0.02,-0.03", "-o", "o.yaml"])
+        == 1
+    )
+    told = capsys.readouterr().out
+    assert "the stated centre contradicts the logs: they place it at 0.0" in told
+    assert "name the frame that it is stated in (--frame)" in told and told.count("contradicts") == 1
+    assert "ask" in Path("o.yaml").read_text()
 
 
 def test_known_bodies_and_signs(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

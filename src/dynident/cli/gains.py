@@ -230,9 +230,9 @@ def _show(found: DriveGains, section: str, output: str | None) -> None:
     if found.delays:
         console.answer(f"delays of the currents: {', '.join(f'{1e3 * delay:.3g}' for delay in found.delays)} ms")
     console.answer()
-    for gain in found.gains:
-        if gain.reason:
-            console.answer(f"{label(gain.name)}: {gain.label}: {gain.reason}")
+    for reason in dict.fromkeys(gain.reason for gain in found.gains if gain.reason):
+        alike = [gain for gain in found.gains if gain.reason == reason]
+        console.answer(f"{', '.join(label(gain.name) for gain in alike)}: {alike[0].label}: {reason}")
     for remark in found.remarks:
         console.answer(f"remark: {remark}")
     if any(gain.sign for gain in found.gains):

@@ -13,6 +13,10 @@ from dynident.arrays import Array
 IDENTIFIED, REVERSED, NOT_DETERMINED = "identified", "reversed", "not determined"
 
 
+#: Gains that differ by a smaller share are the same.
+SAME = 0.02
+
+
 @dataclass(frozen=True)
 class DriveGain:
     """The gain of one drive, or of one sign of its current.
@@ -49,6 +53,11 @@ class DriveGain:
     def known(self) -> bool:
         """Whether the logs determine it."""
         return self.label != NOT_DETERMINED
+
+    def is_apart_from(self, other: DriveGain) -> bool:
+        """Whether no value is in both intervals, by a difference that matters."""
+        apart = self.low > other.high or self.high < other.low
+        return apart and abs(self.value - other.value) > SAME * abs(other.value)
 
     @property
     def name(self) -> str:

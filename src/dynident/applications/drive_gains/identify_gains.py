@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from dynident.applications.drive_gains.drive_gains import DriveGains
+from dynident.applications.drive_gains.drive_gains import NOT_DETERMINED, DriveGains
 from dynident.applications.drive_gains.drive_rows import DriveRows
 from dynident.applications.drive_gains.gain_data import GainData
 from dynident.applications.drive_gains.intervals import spread_of
@@ -19,13 +19,14 @@ from dynident.applications.drive_gains.verdicts import judged
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, default_preprocessing, preprocess
-from dynident.errors import BadOption, LogMismatch
+from dynident.errors import BadOption, LogMismatch, SolverFailed
 from dynident.identification.problem.problem import Problem, counting_rows
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.selection.delay import find_delays
 from dynident.identification.selection.friction.load import PASSES, without_load
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.robot import Robot
 
 #: Passes of load-dependent friction agree when no gain changes by more than this share.
 AGREED = 1e-4
@@ -95,7 +96,33 @@ def gains_from_payload(
     runs = _checked(model, (tuple(without), tuple(loaded)))
     share = payload.deviation / payload.mass
     solve = _Solve(model, base, unknowns, preprocessing or default_preprocessing(), options, progress)
-    return solve.gains(runs, share, f"a payload of {payload.described()}", "payload", _payload_found(payload))
+    words = f"a payload of {payload.described(model.robot)}"
+    found = solve.gains(runs, share, words, "payload", _payload_found(payload))
+    if payload.centre is None or options.method != METHODS[0]:
+        return found
+    unknown = replace(payload, centre=None, inertia=None)
+    free = replace(solve, unknowns=unknowns_with_payload(model, base, unknown), progress=lambda step: None)
+    try:
+        other = free.gains(runs, share, words, "payload", _payload_found(unknown))
+    except (BadOption, SolverFailed):  # the mass alone does nothing about these axes
+        return found
+    return _held_against(found, other, payload, model.robot)
+
+
+def _held_against(found: DriveGains, free: DriveGains, payload: CarriedBody, robot: Robot) -> DriveGains:
+    """Return gains with a stated centre, those of them not determined that the same logs contradict with it free."""
+    other = {(gain.joint, gain.sign): gain for gain in free.gains}
+    off = [gain for gain in found.gains if gain.is_apart_from(other[gain.joint, gain.sign])]
+    if not off:
+        return found
+    place = ", ".join(f"{value:.3g}" for value in free.found.values())
+    frame = payload.frame_in(robot)
+    reason = (
+        f"the stated centre contradicts the logs: they place it at {place} m in the frame '{frame}'; name the frame "
+        "that it is stated in (--frame), or leave it out (--com)"
+    )
+    none = {"low": -np.inf, "high": np.inf, "deviation": np.inf, "label": NOT_DETERMINED, "reason": reason}
+    return replace(found, gains=tuple(replace(gain, **none) if gain in off else gain for gain in found.gains))
 
 
 def gains_from_prior(
@@ -153,20 +180,16 @@ def _payload_found(payload: CarriedBody) -> Callable[[Sequence[str], Array], dic
     return found
 
 
+@dataclass(frozen=True)
 class _Solve:
     """One question to the logs: model, unknowns, preparation and method."""
 
-    def __init__(
-        self,
-        model: DynamicModel,
-        base: BaseParameters,
-        unknowns: Unknowns,
-        how: Preprocessing,
-        options: GainOptions,
-        progress: Progress,
-    ) -> None:
-        self.model, self.base, self.unknowns, self.how = model, base, unknowns, how
-        self.options, self.progress = options, progress
+    model: DynamicModel
+    base: BaseParameters
+    unknowns: Unknowns
+    how: Preprocessing
+    options: GainOptions
+    progress: Progress
 
     def gains(
         self,

@@ -51,6 +51,10 @@ class CarriedBody:
         if why := body.defect():
             raise BadOption("inertia", np.asarray(self.inertia).tolist(), f"{why}; give it about the centre of mass")
 
+    def frame_in(self, robot: Robot) -> str:
+        """Return the name of the link or frame that it is stated in."""
+        return self.frame or robot.tool or robot.links[-1].name
+
     def place(self, robot: Robot) -> tuple[int, Array, Array]:
         """Return the link that carries it, and the pose of its frame in that of the link.
 
@@ -58,8 +62,7 @@ class CarriedBody:
             UnknownChoice: No such link or frame.
             BadOption: The frame does not move.
         """
-        names = [link.name for link in robot.links]
-        name = self.frame or robot.tool or names[-1]
+        names, name = [link.name for link in robot.links], self.frame_in(robot)
         if name in names:
             return names.index(name), np.eye(3), np.zeros(3)
         if name not in robot.frames:
@@ -85,13 +88,14 @@ class CarriedBody:
             free = np.eye(10)[:, : 6 if self.inertia is None else 0]
         return link, turn @ known, turn @ free, tuple(TEN[: free.shape[1]])
 
-    def described(self) -> str:
-        """Return in words what is known of it."""
+    def described(self, robot: Robot) -> str:
+        """Return in words what is known of it on a robot."""
         text = f"{self.mass:g} kg"
         if self.deviation:
             text += f" within {self.deviation:g} kg (std)"
+        frame = f"in the frame '{self.frame_in(robot)}'"
         if self.centre is None:
-            return f"{text}, centre and inertia not known"
+            return f"{text}, centre and inertia not known, {frame}"
         x, y, z = np.asarray(self.centre)
-        text += f", centre {x:g}, {y:g}, {z:g} m"
+        text += f", centre {x:g}, {y:g}, {z:g} m {frame}"
         return f"{text}, inertia not known" if self.inertia is None else f"{text}, inertia known"
