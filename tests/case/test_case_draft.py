@@ -19,7 +19,7 @@ from dynident.case.draft import readings
 from dynident.case.draft.recognise import cutoff_of
 from dynident.data.formats import Units
 from dynident.errors import BadOption, DescriptionError, FileError, LogFormatError, UnknownChoice
-from dynident.model.friction import FRICTION, auto_friction
+from dynident.model.friction import FRICTION, auto_friction, motor_ripple
 from dynident.model.robot import Drive, Robot
 from dynident.robot_files import read_robot
 
@@ -55,6 +55,18 @@ def test_a_plain_log_asks_for_nothing(arm: str, six: Robot, motion: dict[str, Ar
     assert of_long_or_warm_logs == ["warm_up", "temperature"] and set(case.friction) < set(auto_friction())
     for words in ("rad   # within the limits as rad", "times the torque of the robot model's masses", "agree with it"):
         assert words in draft.text
+
+
+def test_ripple_of_motors_whose_gear_ratios_are_known_is_left_to_the_logs(
+    six: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    ratios = (121.0, 121.0, -101.0, 1.0, 161 / 3, 161 / 3)
+    drives = {name: Drive(gear_ratio=ratio) for name, ratio in zip(six.joint_names, ratios, strict=True)}
+    robot = write_robot(tmp_path / "geared.json", six.with_drives(drives))
+    case = read(init(robot, write_log(tmp_path / "run.csv", numbered(motion)), tmp_path), tmp_path)
+    offered = tuple(part for part in case.friction if FRICTION.name_of(part) == "periodic")
+    assert offered == motor_ripple(case.robot) and all(part.is_optional for part in offered)
+    assert [len(part.joints or ()) for part in offered] == [2, 1, 2]
 
 
 @pytest.mark.parametrize("angle", [1.0, 5.0, 21.6])

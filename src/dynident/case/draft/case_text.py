@@ -21,6 +21,7 @@ from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, q
 from dynident.case.evidence.torques import agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
 from dynident.identification.problem.problem import rest_speeds
+from dynident.model.friction import motor_ripple
 from dynident.model.friction.warm_up import WarmUp
 from dynident.robot_files import shipped_robots
 from dynident.robot_files.xacro import split_arguments, with_arguments
@@ -206,8 +207,16 @@ def _friction(found: Recognised) -> list[str]:
         "   # Stribeck effect",
         f"  - load_stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity]}}   # of the load",
         f"  - presliding: {{length: {_SLIPS:g}, choose: [part, length, shape]}}   # friction built up after reversals",
+        *_ripple(found),
         *_warm_up(found),
     ]
+
+
+def _ripple(found: Recognised) -> list[str]:
+    """Return the parts for ripple over a turn of the motors whose gear ratios the robot model states."""
+    parts = motor_ripple(found.moving) if found.moving else ()
+    each = [f"cycles: {part.options['cycles']!r}, joints: {listed(part.joints or ())}" for part in parts]
+    return [f"  - periodic: {{{own}, choose: part}}   # ripple once and twice a turn of the motor" for own in each]
 
 
 def _warm_up(found: Recognised) -> list[str]:
