@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dynident.case.draft.column_groups import groups_of, time_columns, unit_of_time
 from dynident.case.draft.column_words import WORDS, Meaning, meaning_of, split_unit, tokens_of
+from dynident.case.draft.joint_choice import without_positions
 from dynident.case.draft.profile_fit import equally_good, fitting_profiles
 from dynident.case.draft.signal_choice import choose_signals
 from dynident.case.draft.signal_units import time_unit
@@ -16,6 +19,7 @@ from dynident.case.questions import MARK, check_answered, questions_in
 from dynident.data.profiles import PROFILES
 from dynident.errors import DescriptionError
 from dynident.model.documents.strict_yaml import load_yaml
+from dynident.robot_files import read_robot
 
 UR = tuple(f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"))
 PANDA = tuple(f"panda_joint{k}" for k in range(1, 8))
@@ -200,3 +204,22 @@ def test_questions_of_a_file() -> None:
         "case.yaml: line 3 asks for what d is; write the answer in place of the word 'ask'; line 5 asks as well"
     )
     check_answered("case.yaml", text.replace("ask}", "2}").replace("f: ask", "f: 1").encode())
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({}, {}),
+        ({"elbow_joint_pos": "elbw_joint_pos"}, {"elbow_joint": "(perhaps 'elbw_joint_pos')"}),
+        ({"elbow_joint_pos": "aux"}, {"elbow_joint": "the log has elbow_joint_tau and no positions of elbow_joint"}),
+        ({"elbow_joint_pos": "aux", "elbow_joint_tau": "other"}, {}),  # a log of five joints
+    ],
+)
+def test_a_joint_that_the_log_has_without_positions_is_named(change: dict[str, str], told: dict[str, str]) -> None:
+    robot = read_robot("generic-6r")
+    robot = replace(robot, joints=tuple(replace(j, name=name) for j, name in zip(robot.joints, UR, strict=True)))
+    header = ["t", *(change.get(f"{name}{end}", f"{name}{end}") for end in ("_pos", "_tau") for name in UR)]
+    positions = [name for name in header if name.endswith("_joint_pos") and "elbw" not in name]
+    found = without_positions(robot, header, positions)
+    assert found.keys() == told.keys()
+    assert all(words in found[name] for name, words in told.items())

@@ -286,9 +286,11 @@ def _remarks(found: Recognised) -> list[str]:
         remarks.append(
             f"{name} never moves; it is locked where it stands; record a motion of all joints to identify it"
         )
+    bare = found.without_positions.values()
+    remarks += [f"{told}: correct the name in the log and draft again" for told in bare]
     if is_servo_log(found):
         remarks.append(servo_remark(found))
-    elif not found.effort and not {"torque", "current"} & found.rivals.keys():
+    elif not bare and not found.effort and not {"torque", "current"} & found.rivals.keys():
         told = "nothing can be identified without one of them, or the commanded positions of position servos"
         remarks.append(f"no torques and no currents: {told}{_ELSEWHERE}")
     return remarks + _against(found)

@@ -157,7 +157,10 @@ def _joints(found: Recognised) -> list[str]:
         lines.append(asked("joints", f"{what}{why}", likely) if count else f"joints: {listed(robot.joint_names)}")
     else:
         lines.append(f"joints: {listed(joints.names)}   # {plain(joints.why)}")
-    if found.still and not missing:
+    if bare := found.without_positions:
+        told = f"where does {next(iter(bare))} stand? {next(iter(bare.values()))}; name its column and draft again, or"
+        lines.append(asked("locked", f"{told} write {{joint: position}}"))
+    elif found.still and not missing:
         values = ", ".join(f"{quoted(name)}: {value:.6g}" for name, value in found.still.items())
         lines.append(f"locked: {{{values}}}   # they stand still in the log, here")
     elif found.still:

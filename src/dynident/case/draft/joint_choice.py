@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.case.draft.column_groups import Group
+from dynident.case.draft.column_groups import Group, groups_of
+from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import is_within
+from dynident.errors import nearest
 from dynident.model.robot import Joint, Robot
 
 
@@ -40,8 +42,7 @@ def choose_joints(robot: Robot, group: Group, q: Array) -> JointChoice:
     """
     if group.named:
         names = tuple(robot.joint_names[k] for k in sorted(group.columns))
-        missing = robot.dof - len(names)
-        return JointChoice(names, True, "by their names" + (f"; the log lacks {missing} others" if missing else ""))
+        return JointChoice(names, True, f"by their names{lacking(robot, names)}")
     if group.count == robot.dof:
         return JointChoice(robot.joint_names, True, f"{group.shown()} in the order of the chain")
     if group.count > robot.dof:
@@ -55,6 +56,36 @@ def choose_joints(robot: Robot, group: Group, q: Array) -> JointChoice:
     runs = " or ".join(f"{run[0].name} to {run[-1].name}" for run in fitting[:4])
     many = f"the limits of {len(fitting) or 'no'} runs of {group.count} joints hold the positions"
     return JointChoice((), False, f"{many}{f': {runs}' if runs else ''}", bool(fitting))
+
+
+def lacking(robot: Robot, names: Sequence[str]) -> str:
+    """Return in words which joints of a robot are not among those named; empty for none."""
+    missing = [name for name in robot.joint_names if name not in names]
+    return f"; the log lacks {few(missing, 4)}" if missing else ""
+
+
+def without_positions(robot: Robot, header: Sequence[str], positions: Sequence[str]) -> dict[str, str]:
+    """Return the joints that a log has by name and no positions of: their columns, and the likely one, in words.
+
+    Args:
+        robot: With all its joints.
+        header: Names of the columns.
+        positions: The columns of the positions, told by names of joints.
+    """
+    groups = [group for group in groups_of(header, robot.joint_names) if group.named]
+    own = next((group for group in groups if set(group.names) == set(positions)), None)
+    if own is None:
+        return {}
+    known = {name for group in groups for name in group.names}
+    found = {}
+    for k, name in enumerate(robot.joint_names):
+        others = [group.columns[k] for group in groups if k in group.columns]
+        if others and k not in own.columns:
+            like = [column.replace(robot.joint_names[j], name) for j, column in own.columns.items()]
+            near = nearest(like[0], (column for column in header if column not in known), 0.7)
+            perhaps = f" (perhaps {near.removeprefix('; did you mean ').rstrip('?')})" if near else ""
+            found[name] = f"the log has {few(others, 3)} and no positions of {name}{perhaps}"
+    return found
 
 
 def outside_limits(joints: Sequence[Joint], q: Array) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.case.draft.column_groups import groups_of, time_columns, unit_of_time
 from dynident.case.draft.command_pairs import by_commands
-from dynident.case.draft.joint_choice import JointChoice, choose_joints
+from dynident.case.draft.joint_choice import JointChoice, choose_joints, lacking
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
 from dynident.case.draft.readings import LogReading, band, cutoff_from, read_rows
 from dynident.case.draft.recognition import Recognised, SignalSource
@@ -95,10 +95,9 @@ def _by_profile(found: Recognised, fits: Sequence[ProfileFit]) -> Recognised:
         for channel in fit.channels
         if channel.signal != "temperature"
     }
-    missing = found.robot.dof - len(fit.joints)
     named = any("{joint}" in channel.pattern for channel in fit.channels)
     why = "by their names" if named else "in the order of the chain"
-    joints = JointChoice(fit.joints, True, why + (f"; the log lacks {missing} others" if missing else ""))
+    joints = JointChoice(fit.joints, True, f"{why}{lacking(found.robot, fit.joints)}")
     likely = ""
     if fit.effort is None:
         groups = choose_signals(groups_of(found.header, found.robot.joint_names), found.robot.dof, True).groups

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.draft.column_groups import Group
-from dynident.case.draft.joint_choice import JointChoice
+from dynident.case.draft.joint_choice import JointChoice, without_positions
 from dynident.case.draft.profile_fit import ProfileFit
 from dynident.case.draft.readings import LogReading
 from dynident.case.draft.signal_units import SignalUnit
@@ -136,6 +136,12 @@ class Recognised:
             return None
         others = [name for name in self.robot.joint_names if name not in names]
         return self.robot.locked(dict.fromkeys(others, 0.0)) if others else self.robot
+
+    @property
+    def without_positions(self) -> dict[str, str]:
+        """Joints that the log has by name and no positions of, each with what it has, in words."""
+        positions = self.sources.get("q")
+        return {} if positions is None else without_positions(self.robot, self.header, positions.columns)
 
     @property
     def to_seconds(self) -> float:
