@@ -151,8 +151,12 @@ def test_turns_that_say_otherwise_than_small_changes_are_believed(tmp_path: Path
 
 
 @pytest.mark.battery
-def test_zeros_of_neighbours_that_trade_against_each_other_are_found(tmp_path: Path) -> None:
-    """Six joints at 30 Hz with stiction; small changes say that the zeros run away from where they agree."""
-    for joint in servos.one(16, 6, tmp_path)["joints"]:  # pyright: ignore
+@pytest.mark.parametrize("seed", [8, 16])
+def test_zeros_of_neighbours_that_trade_against_each_other_are_found(tmp_path: Path, seed: int) -> None:
+    """Six joints at 30 Hz; small changes say that the zeros of 16 run away from where they agree.
+
+    Those of 8 agree, and a last step by these changes would lead away.
+    """
+    for joint in servos.one(seed, 6, tmp_path)["joints"]:  # pyright: ignore
         zero = joint.get("angle_offset")
-        assert zero is None or abs(zero["value"] - zero["true"]) < min(zero["half"], 0.02), zero
+        assert zero is None or abs(zero["value"] - zero["true"]) < min(zero["half"], 0.005), zero

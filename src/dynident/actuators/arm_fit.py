@@ -92,9 +92,11 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     spreads = arm.spreads()
     reach = arm.coupled(spreads, is_whole=True).reach
     arm = arm.coupled(spreads, is_whole=False)
-    arm = finer(replace(arm, fits=arm.after(arm.step(_NEAR))))
+    errors = {share: turned(arm, arm.after(arm.step(share))).error() for share in (0.0, _NEAR)}
+    share = min(errors, key=errors.__getitem__)  # where zeros trade almost evenly a step is noise, many times larger
+    arm = finer(replace(arm, fits=arm.after(arm.step(share))))
     step = arm.step()
-    return replace(arm, fits=arm.after(arm.step(_NEAR))), arm.reached(arm.spreads(finely=True), reach, step)
+    return replace(arm, fits=arm.after(arm.step(share))), arm.reached(arm.spreads(finely=True), reach, step)
 
 
 def finer(arm: Arm) -> Arm:
