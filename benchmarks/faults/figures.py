@@ -147,14 +147,14 @@ def without_fault(finding: Finding, twice: Sequence[tuple[Trial, Sequence[Findin
     """Return the figure of a recorded log without a fault, by what is told with some of it and with twice as much.
 
     What a recorded log has of itself is not told where it is small, and adds to the fault all the same. None where it
-    is not told both times, in intervals that are narrow: a wide one extrapolates to any figure.
+    is not told both times. A direction is no straight line of the fault: it counts in narrow intervals alone.
     """
     key = (finding.name, finding.joint)
     once, more = (
         next((stated(one, trial) for one in findings if (one.name, one.joint) == key), None)
         for trial, findings in twice
     )
-    if once is None or more is None or not (once.is_narrow and more.is_narrow):
+    if once is None or more is None or (np.ndim(once.value) and not (once.is_narrow and more.is_narrow)):
         return None
     values = np.asarray(once.value), np.asarray(more.value)
     return values[0] ** 2 / values[1] if once.is_factor else 2.0 * values[0] - values[1]
