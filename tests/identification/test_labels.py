@@ -17,7 +17,7 @@ from dynident.data.preprocessing.as_given import AsGiven
 from dynident.diagnosis.warnings import warnings_of
 from dynident.errors import DescriptionError, NotConsistent, UnknownChoice
 from dynident.identification.build_problem import PriorKnowledge, build_problem
-from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
+from dynident.identification.consistency.labels import IDENTIFIED, NOT_DETERMINED, ONLY_COMBINED, labels_of
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.files.estimate_file import read_estimate, summary, write_estimate
 from dynident.identification.identify import identify
@@ -44,7 +44,7 @@ def test_every_standard_parameter_has_a_label(made: tuple[DynamicModel, Log], tm
     labels = dict(zip([p.name for p in estimate.model.parameters], labels_of(estimate), strict=True))
     assert labels["Izz[link2]"].word == labels["Fv[joint1]"].word == IDENTIFIED
     assert labels["m[link2]"].word == ONLY_COMBINED  # with Izz and mx of link 1
-    assert labels["Ixx[link1]"].word == labels["m[link1]"].word == FROM_PRIOR
+    assert labels["Ixx[link1]"].word == labels["m[link1]"].word == NOT_DETERMINED
     assert labels["Fv[joint1]"].data_share == 1.0
     assert 0.999 < (labels["Izz[link2]"].data_share or 0) <= 1.0 and (labels["Ixx[link1]"].data_share or 0) < 1e-6
     counts = labels_line(estimate)
@@ -52,7 +52,7 @@ def test_every_standard_parameter_has_a_label(made: tuple[DynamicModel, Log], tm
     write_estimate(estimate, tmp_path / "e.json")
     assert labels_of(read_estimate(tmp_path / "e.json")) == labels_of(estimate)
     facts = summary(estimate)["standard_parameters"]
-    assert {row["label"] for row in facts} == {IDENTIFIED, ONLY_COMBINED, FROM_PRIOR}
+    assert {row["label"] for row in facts} == {IDENTIFIED, ONLY_COMBINED, NOT_DETERMINED}
     assert labels_of(identify(made[0], [made[1]], "wls", GIVEN)) == ()
 
 
@@ -75,7 +75,7 @@ def test_a_share_is_the_variance_that_data_took(made: tuple[DynamicModel, Log]) 
 def test_a_little_known_parameter_is_one_of_the_prior(made: tuple[DynamicModel, Log]) -> None:
     noisy = replace(made[1], torque=np.asarray(made[1].torque) + 300 * np.random.default_rng(0).normal(size=(400, 2)))
     words = [label.word for label in labels_of(identify(made[0], [noisy], Consistent(pull=1e5, bodies="free"), GIVEN))]
-    assert words[15] == FROM_PRIOR  # Izz of link 2, which stands alone in a base parameter
+    assert words[15] == NOT_DETERMINED  # Izz of link 2, which stands alone in a base parameter
 
 
 def test_an_estimate_as_the_prior_of_another(made: tuple[DynamicModel, Log], tmp_path: Path) -> None:

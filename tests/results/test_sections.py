@@ -304,7 +304,7 @@ def test_bodies_have_the_values_of_their_inertia_and_the_worst_verdict(subject: 
     for i, (_, cells, _) in enumerate(ten):
         assert [cell.verdict for cell in cells] == [label.word for label in labels_of(estimate)[10 * i : 10 * i + 10]]
     assert [cell.sign for cell in ten[0][1]].count("○") == 9  # a first link that turns about z shows Izz only
-    assert {cell.verdict for cell in found["bodies"].rows[0][1]} == {"from the prior"}
+    assert {cell.verdict for cell in found["bodies"].rows[0][1]} == {"not determined"}
 
 
 def test_an_impossible_link_is_called_so(subject: Subject) -> None:

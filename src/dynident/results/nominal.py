@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
+from dynident.identification.consistency.labels import IDENTIFIED, NOT_DETERMINED, ONLY_COMBINED, labels_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.model.inertia import Inertia
 from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label
 
 #: Signs of what a parameter of an estimate stands on, and what they mean.
-SIGNS = {IDENTIFIED: "●", ONLY_COMBINED: "◐", FROM_PRIOR: "○"}
+SIGNS = {IDENTIFIED: "●", ONLY_COMBINED: "◐", NOT_DETERMINED: "○"}
 MEANINGS = ", ".join(f"{sign} {word}" for word, sign in SIGNS.items())
 
 #: Parameters of a link, the mass the last of them.

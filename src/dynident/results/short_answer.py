@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynident.diagnosis.verdict import Verdict, causes_against, quality_of
-from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
+from dynident.identification.consistency.labels import IDENTIFIED, NOT_DETERMINED, ONLY_COMBINED, labels_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Validation
@@ -85,7 +85,7 @@ def bodies_line(estimate: Estimate) -> str:
     changes = [each for each in link_changes(estimate) if min(each.mass) > 0]
     if not changes:
         return line
-    told = [each for each in changes if each.mass_is != FROM_PRIOR]
+    told = [each for each in changes if each.mass_is != NOT_DETERMINED]
     totals = [sum(each.mass[k] for each in changes) for k in (0, 1)]
     whole = f"{format_number(totals[1], 3)} kg in all, {format_number(totals[0], 3)} in the robot model"
     if not told:
@@ -164,6 +164,6 @@ def verdict_line(verdict: Verdict) -> str:
 def labels_line(estimate: Estimate) -> str:
     """Return in one line how many standard parameters have which label; empty where there are none."""
     words = [label.word for label in labels_of(estimate)]
-    counts = [f"{words.count(word)} {word}" for word in (IDENTIFIED, ONLY_COMBINED, FROM_PRIOR)]
+    counts = [f"{words.count(word)} {word}" for word in (IDENTIFIED, ONLY_COMBINED, NOT_DETERMINED)]
     source = estimate.run.prior
     return f"standard parameters: {', '.join(counts)}" + (f" ({source})" if source else "") if words else ""

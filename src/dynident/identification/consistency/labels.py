@@ -1,4 +1,4 @@
-"""Where each standard parameter comes from: identified, only in combination, or from the prior."""
+"""What each standard parameter stands on: identified, only in combination, or not determined by the data."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.base_parameters import COMBINED, IDENTIFIABLE
 
-IDENTIFIED, ONLY_COMBINED, FROM_PRIOR = "identified", "only in combination", "from the prior"
+IDENTIFIED, ONLY_COMBINED, NOT_DETERMINED = "identified", "only in combination", "not determined"
 
 #: Share of data from which a parameter that stands alone in a base parameter is called identified.
 MOSTLY_DATA = 0.5
 
-#: Share of data below which one that stands in combinations only is called one of the prior.
+#: Share of data below which one that stands in combinations only counts as not determined.
 HARDLY_DATA = 0.1
 
 
@@ -22,8 +22,8 @@ class Label:
 
     Attributes:
         word: ``identified``: it is a base parameter by itself, and the data leave less than half of the prior's
-            variance; ``only in combination``: base parameters hold it together with others; ``from the prior``: it
-            moves no torque, or the data say little about it.
+            variance; ``only in combination``: base parameters hold it together with others; ``not determined``:
+            it moves no torque, or the data say little about it, so that prior and bounds place it.
         data_share: 1 less the variance left over the prior's variance; None where the method states none.
     """
 
@@ -42,7 +42,7 @@ def labels_of(estimate: Estimate) -> tuple[Label, ...]:
 def label_word(verdict: str, share: float | None) -> str:
     """Return the word of a label from the verdict of the base parameters and the share of the data."""
     if verdict == IDENTIFIABLE:
-        return IDENTIFIED if share is None or share >= MOSTLY_DATA else FROM_PRIOR
+        return IDENTIFIED if share is None or share >= MOSTLY_DATA else NOT_DETERMINED
     if verdict == COMBINED:
-        return ONLY_COMBINED if share is None or share >= HARDLY_DATA else FROM_PRIOR
-    return FROM_PRIOR
+        return ONLY_COMBINED if share is None or share >= HARDLY_DATA else NOT_DETERMINED
+    return NOT_DETERMINED
