@@ -121,6 +121,31 @@ def test_a_stated_centre_that_the_logs_contradict_determines_nothing(
     assert "ask" in Path("o.yaml").read_text()
 
 
+def test_a_stated_inertia_that_the_logs_contradict_is_named_as_such(
+    cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stated = ("--com", "0.05,0.02,-0.03", "--inertia", "0.5,0,0,0.5,0,0.5")
+    assert main(["gains", "case.yaml", "--load", "loaded.csv", "--mass", "2", *stated]) == 1
+    told = capsys.readouterr().out
+    assert "the stated inertia contradicts the logs" in told and "(--inertia)" in told
+    assert told.count("these logs do not determine it") == 4
+
+
+def test_rotors_that_identify_would_choose_stay(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Currents turn the rotors: without them gains are wrong, and look sure."""
+    payload = ("--load", "loaded.csv", "--mass", "2", "--com", "0.05,0.02,-0.03", "--json", "--quiet")
+    case = Path("case.yaml")
+    case.write_text(case.read_text().replace("viscous]", "viscous, {rotor_inertia: {choose: [part]}}]"))
+    assert main(["gains", "case.yaml", *payload]) == 0
+    chosen = json.loads(capsys.readouterr().out)
+    case.write_text(case.read_text().replace("{rotor_inertia: {choose: [part]}}", "rotor_inertia"))
+    assert main(["gains", "case.yaml", *payload]) == 0
+    assert json.loads(capsys.readouterr().out)["gains"] == chosen["gains"] and not chosen["remarks"]
+    assert main(["gains", "case.yaml", "--friction", "auto", *payload]) == 0
+    automatic = [gain["gain"] for gain in json.loads(capsys.readouterr().out)["gains"]]
+    assert automatic == pytest.approx(GAINS, rel=0.05)
+
+
 def test_known_bodies_and_signs(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["gains", "case.yaml", "free.csv", "--prior-share", "0.05", "--quiet", "--json"]) in (0, 1)
     assert "known bodies, each link within 5 % (std)" in json.loads(capsys.readouterr().out)["scale"]

@@ -115,7 +115,8 @@ def rest_of_two_numbers(estimate: Estimate) -> list[float]:
     """Return what is left of the friction of each joint, rms, beside the best damping and Coulomb friction."""
     seen, theta = estimate.envelope, estimate.theta
     assert seen is not None and theta is not None
-    q, dq = (seen.low[k] + (seen.high - seen.low)[k] * np.random.default_rng(k).uniform(size=(9000, 2)) for k in (0, 1))
+    drawn = np.random.default_rng(0).normal(size=(20000, 6)) @ np.linalg.inv(seen.whitener)
+    q, dq = (np.clip((seen.mean + drawn)[:, 2 * k : 2 * k + 2], seen.low[k], seen.high[k]) for k in (0, 1))
     seal, viscous = theta[-4::2], theta[-3::2]
     torque = seal * (1.2 + np.cos(q)) * np.tanh(dq / 0.05) + viscous * dq
     left = []

@@ -74,13 +74,11 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place, write_atomically
-    from dynident.model.friction import FRICTION
 
     payload = _payload(options)
     options.split, options.test, options.rate = None, [], None  # not asked for here
     case = jobs.case_from(options, open_gains=True)
-    optional = [FRICTION.name_of(part) for part in case.friction if part.is_optional]
-    case = replace(case, friction=tuple(part for part in case.friction if not part.is_optional))
+    case, left_out = _with_sure_friction(case)
     names = tuple(options.logs) or case.train
     if not names:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
@@ -93,9 +91,9 @@ def run(options: argparse.Namespace) -> int:
         check_outputs((options.output,), inputs)
     with console.progress(8, options.quiet or options.json) as progress:
         found = _found(case, names, options, payload, progress)
-    if optional:
+    if left_out:
         told = (
-            f"friction parts that held-out samples choose are left out ({', '.join(optional)}); --friction names parts"
+            f"friction parts that held-out samples choose are left out ({', '.join(left_out)}); --friction names parts"
         )
         found = replace(found, remarks=(*found.remarks, told))
     lines = _lines(found)
@@ -191,6 +189,18 @@ def _found(
     known = prior_of(case)
     theta = None if known is None else known.for_model(case.model).theta
     return gains_from_prior(case.model, without, theta, options.prior_share, case.preprocessing, how, progress.step)
+
+
+def _with_sure_friction(case: Case) -> tuple[Case, list[str]]:
+    """Return a case without the parts that identify would choose, and their names; rotors stay, which currents turn."""
+    from dynident.model.friction import FRICTION
+
+    rotors = [part for part in case.friction if all(part.is_inertia)]
+    kept = [part for part in case.friction if not part.is_optional and part not in rotors]
+    if case.choose_friction and not rotors and not any(joint.drive.rotor_inertia for joint in case.robot.active):
+        rotors = [FRICTION.make("rotor_inertia")]
+    left_out = [FRICTION.name_of(part) for part in case.friction if part.is_optional and part not in rotors]
+    return replace(case, friction=(*kept, *(replace(part, choose=None) for part in rotors))), left_out
 
 
 def _current_unit(case: Case) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
@@ -90,4 +92,8 @@ def _with_added(table: TextTable, text: str, added: dict[str, float]) -> str:
         place = table.header.index(column)
         value = float(cells[place].replace(",", ".") if table.decimal == "," else cells[place]) + more
         cells[place] = repr(value) if table.decimal == "." else repr(value).replace(".", ",")
-    return (" " if table.delimiter is None else table.delimiter).join(cells)
+    if table.delimiter is None:
+        return " ".join(cells)
+    line = io.StringIO()
+    csv.writer(line, delimiter=table.delimiter, lineterminator="").writerow(cells)
+    return line.getvalue()

@@ -44,6 +44,6 @@ def left_out_lines(export: ModelExport) -> Iterator[str]:
         by_joint.setdefault(term.joint, []).append(f"{term.symbol} {term.value:.4g}")
     yield f"\nleft out of {export.files[0]}, and in {export.files[-1]}:"
     for joint, terms in by_joint.items():
-        worst = export.neglected.get(joint)
-        size = f"; {format_number(worst, 3)} N m or N rms are missing" if worst is not None else ""
+        lost = export.neglected.get(joint)
+        size = f"; {format_number(lost, 3)} N m or N rms are missing" if lost is not None else ""
         yield f"  {label(joint)}: {', '.join(terms)}{size}"

@@ -16,7 +16,7 @@ from dynident.exports.models import export_model
 from dynident.exports.models.subject.drives import Drives, drives_of
 from dynident.exports.models.subject.identified import identified
 from dynident.identification.estimate.estimate import Estimate
-from dynident.model.friction import Motion
+from dynident.model.friction import FRICTION, Motion
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
@@ -35,11 +35,12 @@ def curved(spatial_3r: Robot, exact_log: Callable[..., Log]) -> Estimate:
 
 
 def within(estimate: Estimate, seed: int) -> Motion:
-    """Return other states among those that the logs have seen."""
+    """Return other states of the mean and covariance of those that the logs have seen."""
     seen = estimate.envelope
     assert seen is not None
-    shares = np.random.default_rng(seed).uniform(size=(3, 4000, estimate.model.robot.dof))
-    return Motion(*(seen.low[:, None] + (seen.high - seen.low)[:, None] * shares))
+    drawn = np.random.default_rng(seed).normal(size=(20000, len(seen.mean)))
+    states = (seen.mean + drawn @ np.linalg.inv(seen.whitener)).reshape(20000, 3, -1)
+    return Motion(*np.clip(states, seen.low, seen.high).transpose(1, 0, 2))
 
 
 def missing(estimate: Estimate, drives: Drives) -> np.ndarray:
@@ -67,6 +68,19 @@ def test_the_nearest_two_numbers_lose_little_of_a_curve(curved: Estimate) -> Non
         for word in ("dry", "damping"):
             other = replace(drives, **{word: factor * getattr(drives, word)})
             assert np.all(missing(curved, other) > 0.99 * best)
+
+
+def test_what_does_not_turn_its_sign_with_the_speed_is_in_neither(
+    spatial_3r: Robot, exact_log: Callable[..., Log]
+) -> None:
+    """Friction that differs by direction has its mean, torques of the position alone have no part."""
+    parts = ("asymmetric", "viscous", FRICTION.make("periodic", {"cycles": 4.0}))
+    estimate = estimate_of(spatial_3r, exact_log, parts, exact=True)
+    assert estimate.theta is not None
+    table = estimate.model.coefficient_table(estimate.theta)
+    drives = drives_of(identified(estimate))
+    assert drives.dry == pytest.approx(0.5 * (table[:, 0] + table[:, 1]), rel=0.02)
+    assert drives.damping == pytest.approx(table[:, 2], rel=0.02)
 
 
 def test_friction_that_simulators_hold_is_written_as_it_is(spatial_3r: Robot, exact_log: Callable[..., Log]) -> None:

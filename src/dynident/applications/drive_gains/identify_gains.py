@@ -100,29 +100,34 @@ def gains_from_payload(
     found = solve.gains(runs, share, words, "payload", _payload_found(payload))
     if payload.centre is None or options.method != METHODS[0]:
         return found
-    unknown = replace(payload, centre=None, inertia=None)
-    free = replace(solve, unknowns=unknowns_with_payload(model, base, unknown), progress=lambda step: None)
-    try:
-        other = free.gains(runs, share, words, "payload", _payload_found(unknown))
-    except (BadOption, SolverFailed):  # the mass alone does nothing about these axes
-        return found
-    return _held_against(found, other, payload, model.robot)
+    fewer = [replace(payload, inertia=None)] if payload.inertia is not None else []
+    for unknown in (*fewer, replace(payload, centre=None, inertia=None)):
+        free = replace(solve, unknowns=unknowns_with_payload(model, base, unknown), progress=lambda step: None)
+        try:
+            other = free.gains(runs, share, words, "payload", _payload_found(unknown))
+        except (BadOption, SolverFailed):  # the mass alone does nothing about these axes
+            continue
+        if any(gain.is_apart_from(each) for gain, each in zip(found.gains, other.gains, strict=True)):
+            return _contradicted(found, other, unknown, model.robot)
+    return found
 
 
-def _held_against(found: DriveGains, free: DriveGains, payload: CarriedBody, robot: Robot) -> DriveGains:
-    """Return gains with a stated centre, those of them not determined that the same logs contradict with it free."""
-    other = {(gain.joint, gain.sign): gain for gain in free.gains}
-    off = [gain for gain in found.gains if gain.is_apart_from(other[gain.joint, gain.sign])]
-    if not off:
-        return found
-    place = ", ".join(f"{value:.3g}" for value in free.found.values())
-    frame = payload.frame_in(robot)
-    reason = (
-        f"the stated centre contradicts the logs: they place it at {place} m in the frame '{frame}'; name the frame "
-        "that it is stated in (--frame), or leave it out (--com)"
-    )
+def _contradicted(found: DriveGains, other: DriveGains, unknown: CarriedBody, robot: Robot) -> DriveGains:
+    """Return gains none of which is determined: with less known of the payload the same logs have others."""
+    frame = f"in the frame '{unknown.frame_in(robot)}'"
+    if unknown.centre is None:
+        place = ", ".join(f"{value:.3g}" for value in other.found.values())
+        reason = (
+            f"the stated centre contradicts the logs: they place it at {place} m {frame}; name the frame that it is "
+        )
+        reason += "stated in (--frame), or leave it out (--com)"
+    else:
+        reason = (
+            "the stated inertia contradicts the logs: without it other gains are found; give it about the centre of "
+        )
+        reason += f"mass {frame}, or leave it out (--inertia)"
     none = {"low": -np.inf, "high": np.inf, "deviation": np.inf, "label": NOT_DETERMINED, "reason": reason}
-    return replace(found, gains=tuple(replace(gain, **none) if gain in off else gain for gain in found.gains))
+    return replace(found, gains=tuple(replace(gain, **none) for gain in found.gains))
 
 
 def gains_from_prior(

@@ -13,7 +13,7 @@ import numpy as np
 
 from dynident.applications.drive_gains.payload import CarriedBody
 from dynident.arrays import Array
-from dynident.diagnosis.causes.known_bodies import body_errors
+from dynident.case.evidence.torques import body_errors
 from dynident.errors import BadOption
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -45,7 +46,8 @@ class CheckedLog:
     @property
     def fix(self) -> str:
         """The command that writes the log without what is safe to repair."""
-        return f"dynident check {self.case.path or self.case.robot_path or 'CASE'} {self.raw.log.name} --fix OUT"
+        subject = self.case.path or self.case.robot_path or "CASE"
+        return f"dynident check {shlex.quote(subject)} {shlex.quote(self.raw.log.name)} --fix OUT"
 
     @cached_property
     def thin(self) -> QuickFit | None:

@@ -28,8 +28,8 @@ class ModelExport:
         proofs: What each engine made of them.
         motion: How the model follows the motion of a log in simulation; None where that was not asked for.
         left_out: Coefficients that the first file cannot hold; the file beside it has them.
-        neglected: Root mean square of the torque that the first file cannot hold, by joint, in N m or N, among the
-            states that the logs of the fit have seen; empty where it holds everything.
+        neglected: Root mean square of the torque that the first file cannot hold, by joint, in N m or N, over
+            states like those in the logs of the fit; empty where it holds everything.
         notes: What the reader has to know.
     """
 

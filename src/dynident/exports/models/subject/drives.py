@@ -1,13 +1,13 @@
 """What simulators hold of the drives, one number each: armature, damping, Coulomb friction; and what is left over.
 
 Where friction has parts of another shape over speed or load, damping and Coulomb friction are those nearest to the
-whole of it where the logs of the fit have been: a part that is merely left out takes its torque with it.
+whole of it among states like those of the logs of the fit: a part that is merely left out takes its torque with it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,11 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import motion_of_fit
-from dynident.model.friction import FRICTION, Motion, auto_friction
+from dynident.model.friction import FRICTION, Friction, Motion, auto_friction
 from dynident.model.kernels import batched
+
+#: Share of the friction of a drive above which a part of another shape is one.
+SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -120,7 +123,6 @@ def drives_of(subject: Identified) -> Drives:
     size = robot.dof
     held = {word: np.zeros(size) for word in ("armature", "damping", "friction")}
     has_friction = np.zeros(size, dtype=bool)
-    nearest = np.zeros(size, dtype=bool)
     rest: list[Term] = []
     column = 0
     for part in model.friction:
@@ -132,17 +134,15 @@ def drives_of(subject: Identified) -> Drives:
             kept, left = part.in_simulators(own[j])
             for word, value in kept.items():
                 held[word][j] += value
-            nearest[j] |= any(left.values()) and not all(part.is_constant)
             units = {c.symbol: c.unit_of(robot.active[j].kind) for c in part.coefficients}
             rest += [
                 Term(robot.joint_names[j], name, symbol, value, units.get(symbol, robot.active[j].unit), part.options)
                 for symbol, value in left.items()
                 if value
             ]
-    if nearest.any():
-        damping, dry = _nearest(subject, table)
-        held["damping"] = np.where(nearest, damping, held["damping"])
-        held["friction"] = np.where(nearest, dry, held["friction"])
+    nearest, damping, dry = _nearest(subject, table)
+    held["damping"] = np.where(nearest, damping, held["damping"])
+    held["friction"] = np.where(nearest, dry, held["friction"])
     known = np.array([joint.drive.reflected_inertia for joint in robot.active])
     bias = [
         Term(joint.name, "drive", "bias", joint.drive.bias, joint.unit, {})
@@ -161,22 +161,35 @@ def drives_of(subject: Identified) -> Drives:
     )
 
 
-def _nearest(subject: Identified, table: Array) -> tuple[Array, Array]:
-    """Return damping and Coulomb friction, each (n,) and >= 0, nearest to each drive's friction, constants apart."""
+def _nearest(subject: Identified, table: Array) -> tuple[BoolArray, Array, Array]:
+    """Return which drives have friction of another shape, and the nearest damping and Coulomb friction, each (n,).
+
+    Least squares, at least zero, of the part that turns its sign with the speed: constants and torques of the position
+    alone are not in it. Friction that depends on a temperature, which no simulator has, is left aside.
+    """
     from scipy.optimize import nnls  # slow to load
 
-    model, motion = subject.model, motion_of_fit(subject.estimate)
-    kinds = [np.array([part.is_inertia, part.is_constant]) for part in model.friction]
-    counts = ~np.any(np.concatenate(kinds, axis=1), axis=0)
-    columns = model.friction_values(model.loaded(motion, subject.theta))[..., counts]
-    torque = np.einsum("sjk,jk->sj", columns, table[:, counts])
-    speed = motion.dq @ np.asarray(model.robot.coupling).T
-    found = []
-    for j in range(model.robot.dof):
-        two = np.column_stack([speed[:, j], np.sign(speed[:, j])])
-        found.append(nnls(two, torque[:, j])[0])
-    damping, dry = np.array(found).T
-    return damping, dry
+    model = subject.model
+    counts, curved = [], []
+    for part in model.friction:
+        at_all = "temperature" not in part.needs
+        split = type(part).in_simulators is not Friction.in_simulators  # it says itself what comes nearest
+        for coefficient, *others in zip(part.coefficients, part.is_inertia, part.is_constant, strict=True):
+            counts.append(at_all and not any(others))
+            curved.append(counts[-1] and not split and not coefficient.in_simulators)
+    if not table[:, curved].any():
+        none = np.zeros(model.robot.dof)
+        return none > 0, none, none
+    motion = motion_of_fit(subject.estimate)
+    both = (motion, replace(motion, dq=-motion.dq))
+    forth, back = (model.friction_values(model.loaded(at, subject.theta)) * table for at in both)
+    turning = 0.5 * (forth - back)
+    size = np.sqrt(np.mean(turning**2, axis=0))
+    nearest = np.any(size[:, curved] > SAME * size[:, counts].max(axis=1, keepdims=True), axis=1)
+    speed, torque = motion.dq @ np.asarray(model.robot.coupling).T, turning[..., counts].sum(axis=2)
+    two = [nnls(np.column_stack([v, np.sign(v)]), own)[0] for v, own in zip(speed.T, torque.T, strict=True)]
+    damping, dry = np.array(two).T
+    return nearest, damping, dry
 
 
 def rigid_torque(subject: Identified, motion: Motion) -> Array:

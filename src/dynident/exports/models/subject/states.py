@@ -91,16 +91,17 @@ def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) ->
 
 
 def motion_of_fit(estimate: Estimate) -> Motion:
-    """Return random states among the positions, speeds and accelerations of the logs of a fit.
+    """Return states with the mean and the covariance of those that the logs of a fit have seen, within their range.
 
     Of an estimate that does not state these they are those of a proof. Friction that remembers is at its full level,
     where it has one.
     """
-    model, within = estimate.model, estimate.envelope
+    model, seen = estimate.model, estimate.envelope
     motion = replace(model.random_motion(SEEN, SEED), torque=None, state=None)
-    if within is not None:
-        shares = np.random.default_rng(SEED).uniform(size=(3, SEEN, model.robot.dof))
-        q, dq, ddq = within.low[:, None] + (within.high - within.low)[:, None] * shares
+    if seen is not None:
+        drawn = np.random.default_rng(SEED).normal(size=(SEEN, len(seen.mean)))
+        states = np.asarray(seen.mean) + drawn @ np.linalg.pinv(np.asarray(seen.whitener))
+        q, dq, ddq = np.clip(states.reshape(SEEN, 3, -1), seen.low, seen.high).transpose(1, 0, 2)
         motion = replace(motion, q=q, dq=dq, ddq=ddq)
     has_no_level = any(part.states and part.without_memory is part for part in model.friction)
     return model.with_states(motion, PACE) if has_no_level else motion
