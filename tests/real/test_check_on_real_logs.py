@@ -15,7 +15,8 @@ from benchmarks.faults.trials import LEARNED, REAL, recorded, subject_of
 from dynident.api.log_checks import check_logs
 from dynident.case.case import read_case
 from dynident.data.preprocessing.butterworth import Butterworth
-from dynident.diagnosis.examination import examine
+from dynident.diagnosis.examination import examine, examine_recordings
+from dynident.diagnosis.recording import recording_of
 from dynident.model.friction import FRICTION
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,6 +40,19 @@ def test_no_recorded_log_has_an_error(name: str, folder: str, monkeypatch: pytes
     case = read_case(ROOT / "examples" / "cases" / f"{name}.yaml")
     for log in (*case.train, *case.test):
         assert [one.line() for one in examine(case, log).findings if one.severity == "error"] == []
+
+
+def test_a_joint_whose_friction_the_model_lacks_makes_no_other_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The torso of a TIAGo leaves a third of its torque; bodies of its own mend that joint, and nothing else."""
+    if not (DATA / "tiago_figaroh").is_dir():
+        pytest.skip("no tiago_figaroh under DYNIDENT_DATA or ../shared/data")
+    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    case = read_case(ROOT / "examples" / "cases" / "tiago.yaml")
+    case = replace(case, preprocessing=replace(case.preprocessing, trim_s=1.2, delay_s=None))
+    assert case.split is not None
+    part = case.split.apply(case.read(case.train[0]))[0]
+    (found,) = examine_recordings(case, [recording_of(case, part)])
+    assert [one.line() for one in found.findings if one.severity == "error"] == []
 
 
 def test_a_turned_sign_is_told_and_no_scale_that_leaves_its_joint_unexplained(

@@ -38,17 +38,22 @@ class RobotMisfit:
         joints: The same of each joint, shape (n,).
         gain: By how much parameters of each joint's own are better, in log variance.
         spread: Standard error of the gain.
+        kept: Share of what is left, in squares of all torques, that these parameters leave too.
     """
 
     left: float
     joints: Array
     gain: float
     spread: float
+    kept: float
 
     @property
     def is_sure(self) -> bool:
-        """Whether the equations are those of another robot."""
-        return self.left > LEFT and self.gain > max(GAIN, SURE * self.spread)
+        """Whether the equations are those of another robot: parameters of each joint's own then take most of it.
+
+        One joint whose friction or bias the model lacks makes a gain as well, and leaves the rest as it was.
+        """
+        return self.left > LEFT and self.gain > max(GAIN, SURE * self.spread) and self.kept < MOST**2
 
     @property
     def is_suspected(self) -> bool:
@@ -78,10 +83,12 @@ def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence
             shared, errors = taken, lower
     if _left(errors / counts, size) > MOST * _left(plain / counts, size):
         shared, errors = reading, plain
-    alone = [held.difference(held.errors(shared, ridge=ridge), errors) for ridge in RIDGES]
-    gain, spread = max(alone, key=lambda each: each[0] / max(GAIN, SURE * each[1]))
+    alone = [held.errors(shared, ridge=ridge) for ridge in RIDGES]
+    gains = [held.difference(each, errors) for each in alone]
+    gain, spread = max(gains, key=lambda each: each[0] / max(GAIN, SURE * each[1]))
+    kept = min(float(each.sum()) for each in alone) / max(float(errors.sum()), 1e-300)
     joints = np.sqrt(errors.sum(axis=0) / counts / np.maximum(size, 1e-300))
-    return RobotMisfit(_left(errors / counts, size), joints, gain, spread)
+    return RobotMisfit(_left(errors / counts, size), joints, gain, spread, kept)
 
 
 def _left(shares: Array, size: Array) -> float:
