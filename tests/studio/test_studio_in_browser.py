@@ -135,7 +135,7 @@ def test_hostile_names_are_text_at_every_width(page: Any, running: Any, client: 
 
 
 def test_a_page_that_is_loaded_again_goes_on_with_the_command(page: Any, running: Any, client: Any) -> None:
-    choices = {"case": "generic-6r", "friction": ["viscous"], "time_limit": 600}
+    choices = {"case": "generic-6r", "friction": ["viscous"], "starts": 1000, "time_limit": 600}
     assert client.post("/api/run", {"verb": "excite", "choices": choices})[0] == 200
     page.call("Page.reload")
     page.until("document.querySelectorAll('.sliders input').length")
