@@ -234,6 +234,9 @@ def _show(found: DriveGains, section: str, output: str | None) -> None:
     console.answer(f"drive gains by the method '{found.method}'; the scale is set by {found.scale}")
     console.answer(f"filter {in_words(found.filter)}\n")
     console.answer_table(_table(found))
+    unit = found.gains[0].unit.partition("/")[2]
+    ends = f"from, to: {100 * found.level:g} % interval"
+    console.answer(f"{ends}; i: current in {unit} rms, asked of it by what sets the scale, left by the fit")
     if found.found:
         values = ", ".join(f"{name} {format_number(value, 3)}" for name, value in found.found.items())
         console.answer(f"\nfound of the payload, in its frame: {values}")
@@ -279,17 +282,16 @@ def _table(found: DriveGains) -> Table:
                 gain.label,
             )
         )
-    level, unit = f"{100 * found.level:g} %", found.gains[0].unit.partition("/")[2]
     columns = (
         Column("joint"),
         Column("gain", numeric=True),
-        Column(f"{level} from", numeric=True),
+        Column("from", numeric=True),
         Column("to", numeric=True),
         Column("unit"),
-        Column("rel. std", "%", numeric=True),
-        Column("current", f"{unit} rms", numeric=True),
-        Column("of known bodies", f"{unit} rms", numeric=True),
-        Column("left over", f"{unit} rms", numeric=True),
+        Column("std", "%", numeric=True),
+        Column("i", numeric=True),
+        Column("asked", numeric=True),
+        Column("left", numeric=True),
         Column("verdict"),
     )
     return Table(columns, tuple(rows))
