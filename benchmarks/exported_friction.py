@@ -62,6 +62,8 @@ def errors(case, change):
 
 def main() -> None:
     wanted = sys.argv[1:]
+    if unknown := set(wanted) - (known := {name for name, _, _ in RUNS}):
+        sys.exit(f"no case {', '.join(sorted(unknown))}: give one of {', '.join(sorted(known))}")
     print("| case | run | estimate | exported | Coulomb and viscous alone |\n|---|---|---|---|---|")
     for name, told, change in RUNS:
         if (wanted and name not in wanted) or told == "all data":

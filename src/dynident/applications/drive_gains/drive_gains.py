@@ -12,7 +12,6 @@ from dynident.arrays import Array
 
 IDENTIFIED, REVERSED, NOT_DETERMINED = "identified", "reversed", "not determined"
 
-
 #: Gains that differ by a smaller share are the same.
 SAME = 0.02
 

@@ -97,14 +97,15 @@ def gains_from_payload(
     share = payload.deviation / payload.mass
     solve = _Solve(model, base, unknowns, preprocessing or default_preprocessing(), options, progress)
     words = f"a payload of {payload.described(model.robot)}"
-    found = solve.gains(runs, share, words, "payload", _payload_found(payload))
+    ready = solve.prepared(runs)
+    found = solve.gains(ready, share, words, "payload", _payload_found(payload))
     if payload.centre is None or options.method != METHODS[0]:
         return found
     fewer = [replace(payload, inertia=None)] if payload.inertia is not None else []
     for unknown in (*fewer, replace(payload, centre=None, inertia=None)):
         free = replace(solve, unknowns=unknowns_with_payload(model, base, unknown), progress=lambda step: None)
         try:
-            other = free.gains(runs, share, words, "payload", _payload_found(unknown))
+            other = free.gains(ready, share, words, "payload", _payload_found(unknown))
         except (BadOption, SolverFailed):  # the mass alone does nothing about these axes
             continue
         if any(gain.is_apart_from(each) for gain, each in zip(found.gains, other.gains, strict=True)):
@@ -118,14 +119,14 @@ def _contradicted(found: DriveGains, other: DriveGains, unknown: CarriedBody, ro
     if unknown.centre is None:
         place = ", ".join(f"{value:.3g}" for value in other.found.values())
         reason = (
-            f"the stated centre contradicts the logs: they place it at {place} m {frame}; name the frame that it is "
+            f"the stated centre contradicts the logs: they place it at {place} m {frame}; name the frame that it is"
+            " stated in (--frame), or leave it out (--com)"
         )
-        reason += "stated in (--frame), or leave it out (--com)"
     else:
         reason = (
-            "the stated inertia contradicts the logs: without it other gains are found; give it about the centre of "
+            "the stated inertia contradicts the logs: without it other gains are found; give it about the centre of"
+            f" mass {frame}, or leave it out (--inertia)"
         )
-        reason += f"mass {frame}, or leave it out (--inertia)"
     none = {"low": -np.inf, "high": np.inf, "deviation": np.inf, "label": NOT_DETERMINED, "reason": reason}
     return replace(found, gains=tuple(replace(gain, **none) for gain in found.gains))
 
@@ -170,7 +171,7 @@ def gains_from_prior(
     runs = _checked(model, (tuple(logs),))
     trusted = f"each link within {100 * share:g} % (std)" if share else "taken to be exact"
     solve = _Solve(model, base, unknowns, preprocessing or default_preprocessing(), options, progress)
-    return solve.gains(runs, 0.0, f"known bodies, {trusted}", "bodies", lambda names, z: {})
+    return solve.gains(solve.prepared(runs), 0.0, f"known bodies, {trusted}", "bodies", lambda names, z: {})
 
 
 def _payload_found(payload: CarriedBody) -> Callable[[Sequence[str], Array], dict[str, float]]:
@@ -186,6 +187,14 @@ def _payload_found(payload: CarriedBody) -> Callable[[Sequence[str], Array], dic
 
 
 @dataclass(frozen=True)
+class _PreparedRuns:
+    """Runs of logs made into rows, with the delay of each log where it was looked for."""
+
+    logs: tuple[tuple[Prepared, ...], ...]
+    delays: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
 class _Solve:
     """One question to the logs: model, unknowns, preparation and method."""
 
@@ -196,45 +205,43 @@ class _Solve:
     options: GainOptions
     progress: Progress
 
+    def prepared(self, runs: Runs) -> _PreparedRuns:
+        """Return runs of logs whose torques are C' i, preprocessed, with the delay of the currents taken out."""
+        if not 0.5 <= self.options.level < 1:
+            raise BadOption("level", self.options.level, "give the confidence of the intervals, such as 0.95")
+        self.progress("preprocessing")
+        how = self.how if self.how.delay_s is not None else replace(self.how, delay_s=0.0)
+        prepared = tuple(tuple(preprocess(log, how) for log in run) for run in runs)
+        if self.how.delay_s is not None:
+            return _PreparedRuns(prepared)
+        _, fit = self._fit(prepared)
+        self.progress("delay of the currents")
+        return self._delayed(runs, fit)
+
     def gains(
         self,
-        runs: Runs,
+        runs: _PreparedRuns,
         scale_share: float,
         scale: str,
         kind: str,
         tell: Callable[[Sequence[str], Array], dict[str, float]],
     ) -> DriveGains:
-        """Return the gains of some runs of logs whose torques are C' i."""
-        level = self.options.level
-        if not 0.5 <= level < 1:
-            raise BadOption("level", level, "give the confidence of the intervals, such as 0.95")
-        self.progress("preprocessing")
-        delays: tuple[float, ...] = ()
-        how = self.how if self.how.delay_s is not None else replace(self.how, delay_s=0.0)
-        prepared = tuple(tuple(preprocess(log, how) for log in run) for run in runs)
-        data, fit = self._fit(prepared)
-        if self.how.delay_s is None:
-            self.progress("delay of the currents")
-            delays, prepared = self._delayed(runs, fit)
-            data, fit = self._fit(prepared)
+        """Return the gains of prepared runs of logs."""
+        data, fit = self._fit(runs.logs)
         self.progress("intervals")
-        spread = spread_of(data, fit, scale_share, level)
-        names = tuple(tuple(log.name for log in run) for run in runs)
-        found = tell(self.unknowns.names, fit.z)
-        judgements = judged(data, fit, spread, kind, self.options.current)
-        remarks = self._remarks()
-        args = (
-            self.options.method,
-            scale,
-            level,
-            spread.covariance,
-            names,
-            delays,
-            found,
-            remarks,
-            prepared[0][0].statement(),
+        spread = spread_of(data, fit, scale_share, self.options.level)
+        return DriveGains(
+            gains=judged(data, fit, spread, kind, self.options.current),
+            method=self.options.method,
+            scale=scale,
+            level=self.options.level,
+            covariance=spread.covariance,
+            logs=tuple(tuple(each.log.name for each in run) for run in runs.logs),
+            delays=runs.delays,
+            found=tell(self.unknowns.names, fit.z),
+            remarks=self._remarks(),
+            filter=runs.logs[0][0].statement(),
         )
-        return DriveGains(judgements, *args)
 
     def _remarks(self) -> tuple[str, ...]:
         if self.options.method in ("wls", "ols"):
@@ -278,8 +285,8 @@ class _Solve:
             fit = fit_gains(data, self.options.method, worth)
         return fit
 
-    def _delayed(self, runs: Runs, fit: GainFit) -> tuple[tuple[float, ...], tuple[tuple[Prepared, ...], ...]]:
-        """Return the delay of each log, and the logs prepared with it."""
+    def _delayed(self, runs: Runs, fit: GainFit) -> _PreparedRuns:
+        """Return the logs prepared with the delay of each."""
         simple = without_load(self.model)
         robot = self.model.robot
         gains = np.zeros(robot.dof)
@@ -297,7 +304,7 @@ class _Solve:
             delays += applied
             hows = [replace(self.how, delay_s=delay) for delay in applied]
             prepared.append(tuple(preprocess(log, how) for log, how in zip(run, hows, strict=True)))
-        return tuple(delays), tuple(prepared)
+        return _PreparedRuns(tuple(prepared), tuple(delays))
 
 
 def _groups(joints: tuple[str, ...], signed: bool) -> list[int]:
