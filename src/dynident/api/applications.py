@@ -60,6 +60,7 @@ def payload(
     known: BeforeRun | None = None,
     rows: str = "auto",
     level: float = 0.95,
+    case: Case | None = None,
     progress: Callable[[str], None] = lambda step: None,
 ) -> CarriedLoad:
     """Return mass, centre of mass and inertia of what the robot carried in some logs.
@@ -71,6 +72,7 @@ def payload(
         known: What is known before the run; None for nothing.
         rows: ``motion``; ``poses`` takes one sample from each posture at which the arm stands; ``auto`` decides.
         level: Confidence of the intervals.
+        case: How files are read, where their columns or units are others than those of the logs of the fit.
         progress: Called with each step in words.
 
     Raises:
@@ -78,7 +80,7 @@ def payload(
     """
     known = known or BeforeRun()
     return identify_payload(
-        estimate, _read(estimate, logs), flange=flange, known=known, rows=rows, level=level, progress=progress
+        estimate, _read(estimate, logs, case), flange=flange, known=known, rows=rows, level=level, progress=progress
     )
 
 
@@ -89,6 +91,7 @@ def monitor(
     clean: Sequence[Named] | None = None,
     rates: npt.ArrayLike = 1.0,
     gain: float = 50.0,
+    case: Case | None = None,
     progress: Callable[[str], None] = lambda step: None,
 ) -> MonitorRun:
     """Look for torques from outside in some logs by a momentum observer.
@@ -99,6 +102,7 @@ def monitor(
         clean: Runs without contact, for the thresholds; None for the logs of the fit.
         rates: False alarms an hour, one number or one per joint.
         gain: How fast the observer follows, in 1/s.
+        case: As of :func:`payload`; also of ``clean``, where given.
         progress: Called with each step in words.
 
     Raises:
@@ -106,9 +110,8 @@ def monitor(
         LogMismatch: A log does not fit the robot, or the logs of the fit are not there as they were.
         DynidentError: A log cannot be read.
     """
-    clean = logs_of_fit(estimate) if clean is None else clean
-    runs = [signals_of(estimate, log) for log in _read(estimate, clean)]
-    seen = _read(estimate, logs)
+    runs = [signals_of(estimate, log) for log in _clean(estimate, clean, case)]
+    seen = _read(estimate, logs, case)
     progress("thresholds of the clean runs")
     thresholds = calibrated(MomentumObserver(estimate, gain), runs, np.asarray(rates, dtype=float) / 3600.0)
     progress("looking")
@@ -122,6 +125,7 @@ def track(
     clean: Sequence[Named] | None = None,
     rate: float = 1.0,
     pace: Pace | None = None,
+    case: Case | None = None,
     progress: Callable[[str], None] = lambda step: None,
 ) -> TrackRun:
     """Follow the parameters along a log, and look for loads and friction that change at once.
@@ -132,6 +136,7 @@ def track(
         clean: Runs in which nothing changes, for the thresholds; None for the logs of the fit.
         rate: False alarms an hour at most.
         pace: How the tracker forgets; None for the default.
+        case: As of :func:`monitor`.
         progress: Called with each step in words.
 
     Raises:
@@ -139,8 +144,8 @@ def track(
         LogMismatch: A log does not fit the robot, or the logs of the fit are not there as they were.
         DynidentError: A log cannot be read.
     """
-    pace, clean = pace or Pace(), logs_of_fit(estimate) if clean is None else clean
-    runs, (followed,) = _read(estimate, clean), _read(estimate, (log,))
+    pace = pace or Pace()
+    runs, (followed,) = _clean(estimate, clean, case), _read(estimate, (log,), case)
     progress("thresholds of the clean runs")
     thresholds = thresholds_of(estimate, runs, pace, rate)
     progress("following")
@@ -164,8 +169,13 @@ def logs_of_fit(estimate: Estimate) -> list[str]:
     return found
 
 
-def _read(estimate: Estimate, logs: Sequence[Named]) -> list[Log]:
-    return [log if isinstance(log, Log) else read_log(estimate, log) for log in logs]
+def _clean(estimate: Estimate, logs: Sequence[Named] | None, case: Case | None) -> list[Log]:
+    """Return the clean runs that are named, or the logs of the fit."""
+    return _read(estimate, logs_of_fit(estimate)) if logs is None else _read(estimate, logs, case)
+
+
+def _read(estimate: Estimate, logs: Sequence[Named], case: Case | None = None) -> list[Log]:
+    return [log if isinstance(log, Log) else read_log(estimate, log, case) for log in logs]
 
 
 def symbolic_model(subject: RobotLike | Case | Estimate) -> symbolic.SymbolicModel:

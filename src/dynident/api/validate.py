@@ -3,24 +3,38 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from dynident.api.case_logs import seen_logs
 from dynident.api.given_logs import LogLike, logs_of
 from dynident.applications.standstill import with_rest
+from dynident.case.case import Case
+from dynident.data.formats import ColumnMap, open_log
 from dynident.data.log import Log
 from dynident.data.log_of_robot import read_with
 from dynident.data.preprocessing import Preprocessing, preprocess
-from dynident.errors import BadArgument
+from dynident.errors import BadArgument, DynidentError, LogFormatError
 from dynident.identification import validate as bare
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
+from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
+
+#: What reads a log of another format than those of the fit.
+OTHER_FORMAT = (
+    "a log of another format than those of the fit is read with a case file of its own, as 'dynident init' drafts it: "
+    "--case FILE of validate, predict, payload, monitor and track"
+)
 
 
 def validate(
-    estimate: Estimate, logs: LogLike | Sequence[LogLike], preprocessing: Preprocessing | None = None
+    estimate: Estimate,
+    logs: LogLike | Sequence[LogLike],
+    preprocessing: Preprocessing | None = None,
+    case: Case | None = None,
 ) -> Validation:
     """Compare an estimate with logs that had no part in its fit; they are prepared as those of the fit.
 
@@ -29,6 +43,7 @@ def validate(
         logs: One raw log with positions and torques or several, as :func:`log_of` takes them; files are read as the
             logs of the fit were.
         preprocessing: Another preparation than that of the fit.
+        case: How files are read, where their columns or units are others than those of the logs of the fit.
 
     A log that was used for training gives a Python warning.
 
@@ -41,7 +56,7 @@ def validate(
     if not isinstance(estimate, Estimate):
         step = "write di.validate(estimate, log); di.read_estimate(path) reads one from a file"
         raise BadArgument("estimate", f"{type(estimate).__name__} where an Estimate is wanted", step)
-    given = logs_of(logs, estimate.model.robot, lambda name: read_log(estimate, name))
+    given = logs_of(logs, estimate.model.robot, lambda name: read_log(estimate, name, case))
     if seen := seen_logs(estimate, given, parts_apart=True):
         text = f"{', '.join(seen)}: used for training, so the errors are optimistic; validate on another log"
         warnings.warn(text, stacklevel=2)
@@ -66,10 +81,60 @@ def compared(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
     return with_rest(estimate, found, prepared) if found.rests else found
 
 
-def read_log(estimate: Estimate, name: str | Path) -> Log:
-    """Return a log that is read as those of the fit were.
+def read_log(estimate: Estimate, name: str | Path, case: Case | None = None) -> Log:
+    """Return a log that is read as those of the fit were, or as a case of its robot states.
 
     Raises:
-        DynidentError: Any fault of the log.
+        LogFormatError: The file is no sound log, or has other columns.
+        DynidentError: Any other fault of the log.
     """
-    return read_with(name, estimate.columns, estimate.model.robot)
+    columns, robot, locked = reading_of(estimate, case)
+    with other_columns(columns, case):
+        log = read_with(name if case is None else case.place(name), columns, robot, locked)
+    return log.ordered(estimate.model.robot.joint_names)
+
+
+@contextmanager
+def other_columns(columns: ColumnMap, case: Case | None = None) -> Iterator[None]:
+    """Say what reads a log of another format than those of the fit; a faulty row further down is none.
+
+    Args:
+        columns: Those with which it is read.
+        case: The case that states them; None for those of the fit.
+
+    Raises:
+        LogFormatError: As raised inside, with that step.
+    """
+    try:
+        yield
+    except LogFormatError as error:
+        if case is None and not _is_read(error, columns):
+            error = LogFormatError(error.path, error.line, error.evidence, f"{error.step}; {OTHER_FORMAT}")
+        raise error from None
+
+
+def _is_read(error: LogFormatError, columns: ColumnMap) -> bool:
+    """Return whether the header of a log has the columns, and the fault is below its first row."""
+    try:
+        table = open_log(error.path, columns)
+        columns.resolved(table.header, table.path, table.line)
+    except DynidentError:
+        return False
+    return error.line is None or table.line is None or error.line > table.line + 1
+
+
+def reading_of(estimate: Estimate, case: Case | None) -> tuple[ColumnMap, Robot, Mapping[str, float]]:
+    """Return columns, robot and locked joints with which a log is read: those of the fit, or of a case.
+
+    Drive gains that the case does not state are those of the estimate.
+    """
+    own = estimate.model.robot
+    if case is None:
+        return estimate.columns, own, {}
+    gains = {joint.name: joint.drive.gain for joint in own.active}
+    drives = {
+        joint.name: replace(joint.drive, gain=gains[joint.name])
+        for joint in case.robot.active
+        if joint.drive.gain is None and gains.get(joint.name) is not None
+    }
+    return case.columns, case.robot.with_drives(drives), case.locked

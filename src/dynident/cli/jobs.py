@@ -47,6 +47,23 @@ def add_accept(group: argparse._ActionsContainer) -> None:
     )
 
 
+def add_log_case(group: argparse._ActionsContainer) -> None:
+    """Add the option that says how logs are read that are not as those of the fit."""
+    group.add_argument(
+        "--case",
+        metavar="CASE",
+        help="case file of these logs, where columns, units or format are others than those of the fit; "
+        "'dynident init' drafts it; drive gains that it asks for are those of the estimate",
+    )
+
+
+def log_case(options: argparse.Namespace) -> Case | None:
+    """Return the case that says how the logs are read; None where they are read as those of the fit."""
+    from dynident.case.case import read_case
+
+    return read_case(options.case, open_gains=True) if options.case else None
+
+
 #: Options that change how logs become triangles.
 _MODEL_OPTIONS = ("friction", "cutoff", "rate", "delay")
 

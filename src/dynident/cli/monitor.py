@@ -10,8 +10,8 @@ causal. The exit code is 1 where there is an alarm.
   record-the-robot | dynident monitor estimate.json - --clean monday.csv
 
 The log - is a text on standard input that is still being written: a header and a line a sample, columns and units as
-those of the fit. Each alarm is printed as it begins; with --json each is one object on a line, and the last line is
-the total.
+those of the fit, or of --case. Each alarm is printed as it begins; with --json each is one object on a line, and the
+last line is the total.
 """
 
 from __future__ import annotations
@@ -22,16 +22,18 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dynident.applications.monitor import Monitor, Monitored
+    from dynident.case.case import Case
 
 SUMMARY = "alarms where torques from outside exceed what clean runs show"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    from dynident.cli.jobs import add_log_case
+
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
-    parser.add_argument(
-        "logs", nargs="+", metavar="LOG", help="logs to look at, read as those of the fit; - for standard input"
-    )
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs to look at; - for standard input")
+    add_log_case(parser)
     parser.add_argument("--clean", nargs="+", metavar="LOG", help="logs without contact; default: those of the fit")
     parser.add_argument(
         "--rate",
@@ -47,7 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.applications import logs_of_fit, monitor
-    from dynident.cli import console
+    from dynident.cli import console, jobs
     from dynident.errors import BadOption
     from dynident.identification.files.estimate_file import read_estimate
 
@@ -61,10 +63,13 @@ def run(options: argparse.Namespace) -> int:
         names = options.clean or logs_of_fit(estimate)
         wanted = rates if len(rates) > 1 else rates[0]
         logs = [] if live else options.logs
-        found = monitor(estimate, logs, clean=names, rates=wanted, gain=options.gain, progress=progress.step)
+        case = jobs.log_case(options)
+        found = monitor(
+            estimate, logs, clean=options.clean, rates=wanted, gain=options.gain, case=case, progress=progress.step
+        )
         if live:
             progress.stop()
-            return _watch(found.monitor, options.json)
+            return _watch(found.monitor, options.json, case)
     if options.json:
         limits = found.monitor
         console.answer_json(
@@ -82,10 +87,11 @@ def run(options: argparse.Namespace) -> int:
     return 1 if any(one.alarms for one in found.logs) else 0
 
 
-def _watch(monitor: Monitor, as_json: bool) -> int:
+def _watch(monitor: Monitor, as_json: bool, case: Case | None) -> int:
     """Tell the alarms of standard input as they begin."""
     import sys
 
+    from dynident.api.validate import reading_of
     from dynident.applications.monitor import watch
     from dynident.cli import console
     from dynident.results.text import counted, label
@@ -93,7 +99,8 @@ def _watch(monitor: Monitor, as_json: bool) -> int:
     names = monitor.observer.joint_names
     samples = alarms = 0
     first = last = 0.0
-    for reading in watch(monitor, sys.stdin):
+    columns, robot, _ = reading_of(monitor.observer.estimate, case)
+    for reading in watch(monitor, sys.stdin, columns, robot):
         first, last = (reading.time if samples == 0 else first), reading.time
         samples += 1
         for name in reading.alarms:

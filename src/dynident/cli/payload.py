@@ -33,8 +33,11 @@ FREQUENT = (
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    from dynident.cli.jobs import add_log_case
+
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs with the payload, read as those of the fit")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs with the payload")
+    add_log_case(parser)
     known = parser.add_argument_group("what is known")
     known.add_argument("--mass", type=float, metavar="KG", help="its mass; default: to be found")
     known.add_argument("--mass-std", type=float, default=0.0, metavar="KG", help="standard deviation of --mass")
@@ -61,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.applications import payload
     from dynident.applications.payload import BeforeRun, vendor_forms
-    from dynident.cli import console
+    from dynident.cli import console, jobs
     from dynident.identification.files.estimate_file import read_estimate
 
     with console.progress(6, options.quiet or options.json) as progress:
@@ -73,6 +76,7 @@ def run(options: argparse.Namespace) -> int:
             known=BeforeRun(options.mass, options.mass_std, options.friction_share, options.gain_std),
             rows=options.rows,
             level=options.level,
+            case=jobs.log_case(options),
             progress=progress.step,
         )
     forms = vendor_forms(found) if found.placed else {}

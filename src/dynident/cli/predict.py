@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dynident.applications.predicted_torque import PredictedTorque
     from dynident.arrays import Array
+    from dynident.case.case import Case
     from dynident.data.log import Log
     from dynident.data.preprocessing import Prepared
     from dynident.identification.estimate.estimate import Estimate
@@ -31,8 +32,11 @@ SUMMARY = "torques of a motion by an estimate, with bands, as CSV"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    from dynident.cli.jobs import add_log_case
+
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     parser.add_argument("log", metavar="LOG", help="the motion: time and positions; torques may be there")
+    add_log_case(parser)
     parser.add_argument("-o", "--output", required=True, metavar="FILE", help="write the torques (CSV) here")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     parser.add_argument("--quiet", action="store_true", help="no remarks")
@@ -43,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from dynident.applications.predicted_torque import predict_torque
-    from dynident.cli import console
+    from dynident.cli import console, jobs
     from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
 
@@ -51,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     estimate = read_estimate(options.estimate)
     robot = estimate.model.robot
     check_outputs((options.output,), (options.estimate, options.log, *files_behind(estimate.provenance)))
-    log = _motion(options.log, estimate.columns, robot)
+    log = _motion(options.log, estimate, jobs.log_case(options))
     found = predict_torque(estimate, log.ordered(robot.joint_names))
     write_atomically(options.output, _csv(found))
     sizes = (_rms(one) for one in (found.torque, found.half_model, found.half_measured))
@@ -87,24 +91,25 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _motion(path: str, columns: object, robot: object) -> Log:
+def _motion(path: str, estimate: Estimate, case: Case | None) -> Log:
     """Return the log with torques where it has them; columns of torques, currents and commands need not be there."""
     from dataclasses import replace
-    from typing import Any
 
+    from dynident.api.validate import other_columns, reading_of
     from dynident.data.log_of_robot import read_with
     from dynident.errors import LogFormatError
 
-    own: Any = columns
-    arm: Any = robot
+    own, robot, locked = reading_of(estimate, case)
+    place = path if case is None else case.place(path)
     mapped = [name for name in ("current", "q_ref", "dq_ref") if getattr(own, name) is not None]
     lenient = replace(own, optional=tuple(dict.fromkeys((*own.optional, "torque", *mapped))))
-    try:
-        return read_with(path, lenient, arm)
-    except LogFormatError:
-        if own.torque is not None:
-            raise
-    return read_with(path, replace(lenient, torque=()), arm)
+    with other_columns(lenient, case):
+        try:
+            return read_with(place, lenient, robot, locked)
+        except LogFormatError:
+            if own.torque is not None:
+                raise
+        return read_with(place, replace(lenient, torque=()), robot, locked)
 
 
 def _resting(joints: Sequence[dict[str, object]], widest: Array) -> list[str]:

@@ -28,9 +28,12 @@ SHOWN = 12
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    from dynident.cli.jobs import add_log_case
+
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
-    parser.add_argument("log", metavar="LOG", help="log to follow, read as those of the fit")
+    parser.add_argument("log", metavar="LOG", help="log to follow")
     parser.add_argument("--clean", nargs="+", metavar="LOG", help="logs without a change; default: those of the fit")
+    add_log_case(parser)
     parser.add_argument("--rate", type=float, default=1.0, metavar="N", help="false alarms an hour at most (1)")
     parser.add_argument("--memory", type=float, default=10.0, metavar="S", help="after which a row counts 1 / e (10)")
     parser.add_argument("--window", type=float, default=1.0, metavar="S", help="in which changes are looked for (1)")
@@ -46,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.applications import logs_of_fit, track
     from dynident.applications.tracking import Pace
-    from dynident.cli import console
+    from dynident.cli import console, jobs
     from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
 
@@ -60,7 +63,15 @@ def run(options: argparse.Namespace) -> int:
         if options.output:
             inputs = (options.estimate, options.log, *names, *files_behind(estimate.provenance))
             check_outputs((options.output,), inputs)
-        followed = track(estimate, options.log, clean=names, rate=options.rate, pace=pace, progress=progress.step)
+        followed = track(
+            estimate,
+            options.log,
+            clean=options.clean,
+            rate=options.rate,
+            pace=pace,
+            case=jobs.log_case(options),
+            progress=progress.step,
+        )
     found, seconds = followed.found, followed.clean_seconds
     if options.output:
         write_atomically(options.output, _csv(estimate, found))

@@ -3,6 +3,7 @@
 dynident validate estimate.json other-run.csv
 dynident validate estimate.json other-run.csv --json --report report.html
 dynident validate estimate.json other-run.csv --accept total_error=5% better_than_nominal
+dynident validate estimate.json run.mcap --case bag.yaml
 
 An estimate of actuators (a case with servo:) is rolled out over the logs; the answer is the error of each roll-out.
 
@@ -29,10 +30,11 @@ SUMMARY = "validate an estimate on test logs"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_accept
+    from dynident.cli.jobs import add_accept, add_log_case
 
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     parser.add_argument("logs", nargs="+", metavar="LOG", help="logs to compare with")
+    add_log_case(parser)
     add_accept(parser)
     parser.add_argument("--split", metavar="HOW", help="use only the test part of each log: first:0.67 or samples:...")
     parser.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
@@ -64,7 +66,8 @@ def run(options: argparse.Namespace) -> int:
         estimate = read_estimate(options.estimate)
         check_outputs((options.report,), (options.estimate, *options.logs, *files_behind(estimate.provenance)))
         acceptance = with_accept(Acceptance(estimate.provenance.get("accept") or {}), options.accept)
-        logs = [read_log(estimate, name) for name in options.logs]
+        case = jobs.log_case(options)
+        logs = [read_log(estimate, name, case) for name in options.logs]
         seen = [] if options.split else seen_logs(estimate, logs)
         if options.report and seen:
             check_unseen(estimate, logs)

@@ -10,10 +10,11 @@ import numpy as np
 
 from dynident.applications.monitor.monitor import Monitor, MonitorSample, MonitorState, step
 from dynident.arrays import Array
-from dynident.data.formats import live_rows
+from dynident.data.formats import ColumnMap, live_rows
 from dynident.data.log_of_robot import with_meaning
 from dynident.errors import LogMismatch
 from dynident.identification.estimate.estimate import Estimate
+from dynident.model.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -27,8 +28,10 @@ class _Sample:
     temperature: Array | None
 
 
-def watch(monitor: Monitor, lines: Iterable[str]) -> Iterator[MonitorSample]:
-    """Yield the reading of each sample of a text that is still being written, columns and units as those of the fit.
+def watch(
+    monitor: Monitor, lines: Iterable[str], columns: ColumnMap | None = None, robot: Robot | None = None
+) -> Iterator[MonitorSample]:
+    """Yield the reading of each sample of a text that is still being written.
 
     As for a log (:func:`dynident.applications.monitor.signals.signals_of`), without velocities they are differences,
     and positions and torques are means over the same two samples; the motion is shifted by the torque's delay in the
@@ -37,6 +40,8 @@ def watch(monitor: Monitor, lines: Iterable[str]) -> Iterator[MonitorSample]:
     Args:
         monitor: The monitor.
         lines: The lines, such as ``sys.stdin``.
+        columns: Their columns and units; None for those of the fit.
+        robot: The robot of the lines, with its joints, drive gains and gears; None for that of the fit.
 
     Raises:
         LogFormatError: A row that is unsound, named by its number.
@@ -44,16 +49,21 @@ def watch(monitor: Monitor, lines: Iterable[str]) -> Iterator[MonitorSample]:
     """
     state = MonitorState()
     estimate = monitor.observer.estimate
-    for one in _beside(_with_speed(_samples(estimate, lines)), estimate.preprocessing.delay_s or 0.0):
+    for one in _beside(
+        _with_speed(_samples(estimate, lines, columns or estimate.columns, robot or estimate.model.robot)),
+        estimate.preprocessing.delay_s or 0.0,
+    ):
         state, reading = step(monitor, state, one.time, one.q, one.dq, one.torque, one.temperature)
         yield reading
 
 
-def _samples(estimate: Estimate, lines: Iterable[str]) -> Iterator[tuple[_Sample, bool]]:
+def _samples(
+    estimate: Estimate, lines: Iterable[str], columns: ColumnMap, sender: Robot
+) -> Iterator[tuple[_Sample, bool]]:
     """Yield samples, and whether they have velocities."""
     robot, needs = estimate.model.robot, estimate.model.needs
-    for row in live_rows(lines, estimate.columns):
-        log = with_meaning(row, estimate.columns, robot).ordered(robot.joint_names)
+    for row in live_rows(lines, columns):
+        log = with_meaning(row, columns, sender).ordered(robot.joint_names)
         if log.torque is None:
             raise LogMismatch(
                 log.name, "no torques", "send torque columns, or currents with the drive gains of the fit"
