@@ -100,7 +100,9 @@ def test_rows_count_as_the_column_has_them(pole: float) -> None:
         found = noise @ column[:, 0]
         colour = NoiseSpectrum.of_fit([column.T], np.array([float(count)]), 1.0)
         left = [row - value * column[:, 0] for row, value in zip(noise[:40], found[:40], strict=True)]
-        power, noisy = colour.sums(0, np.array(left), np.repeat(column.T, 40, axis=0), np.arange(41))
+        power, noisy = colour.sums(
+            0, colour.transformed(np.array(left)), colour.transformed(np.repeat(column.T, 40, axis=0)), np.arange(41)
+        )
         assert power == pytest.approx(np.sum(column**2))
         told = np.mean(np.maximum(noisy / power, 1.0))
         true = max(1.0, float(np.var(found) / np.var(noise)))

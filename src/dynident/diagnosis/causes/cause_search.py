@@ -178,6 +178,11 @@ class CauseSearch:
             roots.append(np.concatenate([joint.alone, root.T @ joint.columns[: len(mine)]]))
         return NoiseSpectrum.of_fit(roots, self.rows.counts, self.rows.oversampling)
 
+    @cached_property
+    def _transforms(self) -> list[Array]:
+        """Fourier transforms of the columns of each joint: those of residuals are sums of them."""
+        return [self.spectrum.transformed(joint.columns) for joint in self.columns.joints]
+
     def worths(self, fits: Sequence[Sequence[int]]) -> list[tuple[Array, float]]:
         """Return how many independent rows each joint has for the last of the causes of each fit, made once.
 
@@ -193,7 +198,7 @@ class CauseSearch:
         return [self._worths[tuple(chosen)] for chosen in fits]
 
     def _counted(self, fits: Sequence[tuple[int, ...]]) -> Iterator[tuple[Array, float]]:
-        """Yield the same; residuals and columns of all fits are one product with the columns of each joint."""
+        """Yield the same; residuals and columns of all fits are one product with the transforms of each joint."""
         solved, total = [self.fit(chosen) for chosen in fits], self.columns.grams.shape[1]
         residuals, own = np.zeros((len(fits), total + 1)), []
         for k, (chosen, after) in enumerate(zip(fits, solved, strict=True)):
@@ -206,7 +211,7 @@ class CauseSearch:
         mixed, ends = np.concatenate([residuals, *own]), np.cumsum([0, *map(len, own)])
         power, noisy = np.zeros((2, len(self.columns.joints), ends[-1]))
         for i, joint in enumerate(self.columns.joints):
-            series = mixed[:, joint.places] @ joint.columns
+            series = mixed[:, joint.places] @ self._transforms[i]
             power[i], noisy[i] = self.spectrum.sums(i, series[: len(fits)], series[len(fits) :], ends)
         for after, begin, end in zip(solved, ends[:-1], ends[1:], strict=True):
             sizes = np.maximum((1.0 / after.variances) @ power[:, begin:end], 1e-300)
@@ -224,33 +229,29 @@ class CauseSearch:
         chosen: list[int] = []
         found: dict[int, Blame] = {}
         for _ in range(ROUNDS):
-            while len(chosen) < min(MOST, len(self.causes)):
-                step = self._next(self.fit(chosen), chosen)
-                if step is None:
-                    break
-                chosen.append(step[0])
-                found[step[0]] = step[2]
+            self._take_in(chosen, found)
             hidden = self.judged_again(chosen, found)
             if not hidden:
                 break
             chosen += hidden
-        while len(chosen) < min(MOST, len(self.causes)):
-            step = self._next(self.fit(chosen), chosen, likely=True)
-            if step is None:
-                break
+        self._take_in(chosen, found, likely=True)
+        return tuple(found[k] for k in chosen if k in found)
+
+    def _take_in(self, chosen: list[int], found: dict[int, Blame], likely: bool = False) -> None:
+        """Take one cause after another in, in place, while one is sure, or ``likely``."""
+        most = min(MOST, len(self.causes))
+        while len(chosen) < most and (step := self._next(self.fit(chosen), chosen, likely)) is not None:
             chosen.append(step[0])
             found[step[0]] = step[2]
-        return tuple(found[k] for k in chosen if k in found)
 
     def judged_again(self, chosen: list[int], found: dict[int, Blame]) -> list[int]:
         """Judge each of the chosen causes beside all others, in place; return two that are sure beside each other."""
         for k in tuple(chosen) if len(chosen) > 1 else ():
             place = chosen.index(k)
             rest = chosen[:place] + chosen[place + 1 :]
-            step = self._next(self.fit(rest), rest)
-            chosen[place : place + 1] = [] if step is None else [step[0]]
-            if step is not None:
+            if (step := self._next(self.fit(rest), rest)) is not None:
                 found[step[0]] = step[2]
+            chosen[place : place + 1] = [] if step is None else [step[0]]
         return self._pair(chosen)
 
     def candidates(self, before: Solved, chosen: Sequence[int]) -> dict[int, float]:

@@ -43,33 +43,41 @@ class NoiseSpectrum:
         size = min(fast * 2 ** int(np.ceil(np.log2(2 * count / fast))) for fast in (4, 5, 6))
         passed = count / (2.0 * oversampling)
         half = max(1, round(0.5 * np.sqrt(passed) * size / count))
-        taken = np.stack([_power(root, size).sum(axis=0) for root in roots]) / counts[:, None]
+        taken = np.stack([_power(_transformed(root, size)).sum(axis=0) for root in roots]) / counts[:, None]
         return cls(np.maximum(1.0 - _averaged(taken, half), FEWEST_FREE), half)
+
+    def transformed(self, series: Array) -> Array:
+        """Return the Fourier transforms of series (k, N), real and imaginary parts in turns, shape (k, 2 F)."""
+        return _transformed(series, 2 * (self.left.shape[1] - 1))
 
     def sums(self, joint: int, residuals: Array, columns: Array, ends: IntArray) -> tuple[Array, Array]:
         """Return the squares of columns of a joint, shape (k,), and the same weighed by the power of the noise.
 
         Args:
             joint: Its number.
-            residuals: Residuals of m fits, zero where rows do not count, shape (m, N).
-            columns: What the other columns of their fits leave of each, shape (k, N).
+            residuals: Transforms of the residuals of m fits, zero where rows do not count, shape (m, 2 F).
+            columns: Those of what the other columns of their fits leave of each, shape (k, 2 F).
             ends: Where the columns of each fit begin, and the last of them end, shape (m + 1,).
         """
         size = 2 * (self.left.shape[1] - 1)
         times = np.full(self.left.shape[1], 2.0 / size)  # the other half of the circle is the same
         times[[0, -1]] = 1.0 / size
-        noise = _averaged(_power(residuals, size), self.half) / self.left[joint]
+        noise = _averaged(_power(residuals), self.half) / self.left[joint]
         noise /= np.maximum(noise @ times, 1e-300)[:, None]
-        power, noisy = _power(columns, size), np.zeros(len(columns))
+        power, noisy = _power(columns), np.zeros(len(columns))
         for own, begin, end in zip(noise * times, ends[:-1], ends[1:], strict=True):
             noisy[begin:end] = power[begin:end] @ own
         return power @ times, noisy
 
 
-def _power(values: Array, size: int) -> Array:
-    """Return the power of series (k, N) at half of ``size`` frequencies, whose mean is the sum of squares, (k, F)."""
-    transform = np.fft.rfft(values, size)
-    return transform.real**2 + transform.imag**2
+def _transformed(series: Array, size: int) -> Array:
+    """Return the transforms of series (k, N) at half of ``size`` frequencies, shape (k, 2 F)."""
+    return np.fft.rfft(series, size).view(float)
+
+
+def _power(transforms: Array) -> Array:
+    """Return the power at each frequency, whose mean over the circle is the sum of squares, shape (k, F)."""
+    return transforms[:, ::2] ** 2 + transforms[:, 1::2] ** 2
 
 
 def _averaged(values: Array, half: int) -> Array:
