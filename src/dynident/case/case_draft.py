@@ -286,6 +286,9 @@ def _remarks(found: Recognised) -> list[str]:
         remarks.append(
             f"{name} never moves; it is locked where it stands; record a motion of all joints to identify it"
         )
+    for name, (_, count) in found.stepping.items():
+        what = f"{name} jumps between {count} positions, of which no acceleration can be made: its columns are not read"
+        remarks.append(f"{what}, and it is locked in their middle")
     bare = found.without_positions.values()
     remarks += [f"{told}: correct the name in the log and draft again" for told in bare]
     if is_servo_log(found):

@@ -146,6 +146,8 @@ def _gravity(found: Recognised) -> list[str]:
 def _joints(found: Recognised) -> list[str]:
     robot, joints = found.robot, found.joints
     missing = [name for name in robot.joint_names if name not in joints.names]
+    known = {**found.still, **{name: middle for name, (middle, _) in found.stepping.items()}}
+    jumping = [f"{plain(few(list(found.stepping), 4))} jumps: in the middle of its positions"] * bool(found.stepping)
     lines = []
     if not joints.certain:
         count = len(found.sources["q"].columns) if "q" in found.sources else 0
@@ -160,11 +162,12 @@ def _joints(found: Recognised) -> list[str]:
     if bare := found.without_positions:
         told = f"where does {next(iter(bare))} stand? {next(iter(bare.values()))}; name its column and draft again, or"
         lines.append(asked("locked", f"{told} write {{joint: position}}"))
-    elif found.still and not missing:
-        values = ", ".join(f"{quoted(name)}: {value:.6g}" for name, value in found.still.items())
-        lines.append(f"locked: {{{values}}}   # they stand still in the log, here")
-    elif found.still:
-        values = {**dict.fromkeys(missing, 0.0), **found.still}
+    elif known and not set(missing) - known.keys():
+        values = ", ".join(f"{quoted(name)}: {value:.6g}" for name, value in known.items())
+        where = ["they stand still in the log, here"] * bool(found.still) + jumping
+        lines.append(f"locked: {{{values}}}   # {'; '.join(where)}")
+    elif known:
+        values = {**dict.fromkeys(missing, 0.0), **known}
         written = ", ".join(f"{quoted(name)}: {value:.6g}" for name, value in values.items())
         lines.append(offered(f"locked: {{{written}}}", "where do the joints stand that the log lacks? Taken at 0"))
     elif missing and (joints.names or not joints.certain) and found.readings:
@@ -244,7 +247,7 @@ def _preprocessing(found: Recognised) -> list[str]:
     rates = [1.0 / (reading.step * found.to_seconds) for reading in found.readings]
     duration = min(reading.duration * found.to_seconds for reading in found.readings)
     trim = min(max(0.5, 2.5 / cutoff), duration / 10)
-    rate = "all" if max(rates) <= _SLOW_HZ else f"{max(200.0, 10 * cutoff):g}"
+    rate = "all" if max(rates) <= _SLOW_HZ else f"{min(max(200.0, 10 * cutoff), max(rates)):.5g}"
     rest = _rest_share(found)
     return [
         "preprocessing:",

@@ -32,6 +32,7 @@ from dynident.case.draft.stated_units import (
     units_in_names,
     units_of_profile,
 )
+from dynident.case.draft.stepping_joints import without_steps
 from dynident.case.draft.unnamed_columns import by_structure
 from dynident.case.draft.yaml_words import listed, quoted
 from dynident.case.evidence.positions import STILL, strays, travel
@@ -153,7 +154,8 @@ def _by_values(found: Recognised) -> Recognised:
     if not found.profiles:
         group = next(g for g in column_groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
         found = replace(found, joints=choose_joints(found.robot, group, _likely_si(q, stated["q"])))
-    found = replace(found, units=units)
+    found = without_steps(replace(found, units=units))
+    q = np.concatenate([reading.signals["q"] for reading in found.readings])
     moving = found.moving
     found = _with_wrapped(found)
     if found.turn and "position" not in units:

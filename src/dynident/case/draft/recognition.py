@@ -67,6 +67,7 @@ class Recognised:
         evidence: What the robot model's masses say about torques or currents.
         band_hz: Band of the motion; 0 where it is not known.
         still: Position in rad or m of the joints that stand still.
+        stepping: Joints that jump between a few positions: the middle of these in rad or m, and how many they are.
         left_out: Signals whose columns were found and are not read, and why.
         likely_effort: Columns that may be the torques or currents that a profile does not read; empty for none.
         is_large: Whether the logs that train are reduced as a stream.
@@ -93,6 +94,7 @@ class Recognised:
     evidence: TorqueEvidence | None = None
     band_hz: float = 0.0
     still: Mapping[str, float] = field(default_factory=dict)
+    stepping: Mapping[str, tuple[float, int]] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
     likely_effort: str = ""
     is_large: bool = False

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.case.evidence.positions import is_plausible
+from dynident.case.evidence.positions import STILL, is_plausible
 from dynident.case.evidence.rows import time_units
 from dynident.case.evidence.torques import agrees
 from dynident.data.formats.base import UNITS
@@ -59,7 +59,7 @@ def time_unit(step: float, stated: str) -> SignalUnit:
 
 def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
     """Return the unit of positions, shape (N, n), from the limits of their joints and from what the header states."""
-    words, certain, reasons = [], True, []
+    words, certain, reasons, resting = [], True, list[str](), list[str]()
     spans = np.ptp(q, axis=0)
     for kind, si, other in (("revolute", "rad", "deg"), ("prismatic", "m", "mm")):
         mine = [k for k, joint in enumerate(joints) if joint.kind == kind]
@@ -75,6 +75,9 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
         elif fits[si] and not said and telling:
             word, sure = si, True
             why = f"within the limits as {si}; as {other} the largest motion would be {spans[mine].max():.3g} {other}"
+        elif fits[si] and not said and spans[mine].max() < STILL and len(mine) < len(joints):
+            word, sure, why = si, True, f"no motion; read as {si}, within the limits"
+            resting += [si] if np.abs(q[:, mine]).max() >= STILL else []
         elif fits[si] and not said:
             word, sure = si, False
             why = f"within the limits as {si}, but the positions change by {spans[mine].max():.2g} only"
@@ -86,6 +89,7 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
         reasons.append(why)
         words.append((mine, word))
     named = {k: word for mine, word in words for k in mine}
+    certain &= not resting or not {"deg", "mm"} & set(named.values())  # what stands may then be in these as well
     likely = tuple(named[k] for k in range(len(joints))) if all(named.values()) else ()
     return SignalUnit(likely, certain, "; ".join(reasons))
 

@@ -16,6 +16,12 @@ STILL = 1e-3
 #: Positions of a joint without limits beyond these, in rad and m, are of another unit: three turns, ten metres.
 LARGEST_TURN, LARGEST_SLIDE = 6 * np.pi, 10.0
 
+#: Positions of fewer values than this over their range say little of a motion.
+FEW_VALUES = 64
+
+#: Share of its range that a joint passes from one sample to the next where it jumps; no motion is sampled so coarsely.
+JUMP = 0.1
+
 #: Root mean square of q - q_ref as a share of the motion's own above which a joint does not follow.
 STRAYS = 0.2
 
@@ -35,6 +41,14 @@ def is_plausible(joint: Joint, low: float, high: float) -> bool:
 def travel(q: Array) -> Array:
     """Return how far each joint travels, shape (n,), single values far off left out."""
     return np.quantile(q, 0.995, axis=0) - np.quantile(q, 0.005, axis=0)
+
+
+def steps(column: Array) -> bool:
+    """Return whether a position (N,) stands at a few values, each many times, and jumps from one to another."""
+    values = np.unique(column)
+    if not 1 < len(values) < min(FEW_VALUES, len(column) / 4):
+        return False
+    return bool(np.abs(np.diff(column)).max() >= JUMP * (values[-1] - values[0]))
 
 
 def strays(q: Array, q_ref: Array) -> BoolArray:

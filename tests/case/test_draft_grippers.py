@@ -1,0 +1,106 @@
+"""Drafts of logs in which a gripper is logged beside the arm: it stands, or jumps between a few positions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drafted_logs import moved, named, numbered, read, write_log
+from dynident.arrays import Array
+from dynident.case.case_draft import draft_case
+from dynident.case.evidence.positions import steps
+from dynident.robot_files import read_robot
+from two_joint_arm import URDF
+
+GRIPPER = """  <link name="finger"><inertial><origin xyz="0 0 0.02"/><mass value="0.1"/>
+    <inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial></link>
+  <joint name="gripper" type="prismatic"><parent link="fore"/><child link="finger"/><origin xyz="0.3 0 0"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="0.2" velocity="0.2" effort="20"/></joint>
+</robot>
+"""
+
+NAMES = ("shoulder", "elbow", "gripper")
+
+PATTERNS = {"names": "{}_position", "joint_states": "{}.position"}
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> str:
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF.replace("</robot>\n", GRIPPER))
+    return str(path)
+
+
+@pytest.fixture
+def motion(arm: str) -> dict[str, Array]:
+    return moved(read_robot(arm).locked({"gripper": 0.0}), samples=3000, rate=500.0)
+
+
+def with_gripper(motion: dict[str, Array], q: Array) -> dict[str, Array]:
+    """Return the motion of the arm with a gripper that pushes with 3 N."""
+    efforts = np.column_stack([motion["torque"], np.full(len(q), 3.0)])
+    return {"time": motion["time"], "q": np.column_stack([motion["q"], q]), "torque": efforts}
+
+
+def logged(motion: dict[str, Array], kind: str) -> dict[str, Array]:
+    """Return columns by the names of the joints, as a logger of one's own or as ROS has them."""
+    efforts = [PATTERNS[kind].format(name).replace("position", "effort") for name in NAMES]
+    return named(motion, "time", {"q": [PATTERNS[kind].format(name) for name in NAMES], "torque": efforts})
+
+
+def cutoff_of(case: object) -> float:
+    """Return the cut-off of a case in Hz."""
+    return float(str(case.preprocessing.filter.statement()["cutoff_hz"]))  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("kind", PATTERNS)
+@pytest.mark.parametrize("at", [0.0, 0.02])
+def test_a_gripper_that_stands_is_locked_and_not_asked_for_its_unit(
+    arm: str, motion: dict[str, Array], tmp_path: Path, at: float, kind: str
+) -> None:
+    columns = logged(with_gripper(motion, np.full(3000, at)), kind)
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    case = read(draft, tmp_path)
+    assert draft.needed == () and case.locked == {"gripper": at} and case.robot.joint_names == NAMES[:2]
+    assert "gripper never moves" in draft.text and case.read(case.train[0]).joints == NAMES[:2]
+
+
+def test_where_the_arm_is_in_degrees_the_unit_of_what_stands_is_asked(
+    arm: str, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    turned = with_gripper({**motion, "q": np.rad2deg(motion["q"])}, np.full(3000, 0.02))
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", logged(turned, "names")), tmp_path)
+    assert "likely [deg, deg, m]" in draft.text and not draft.recognition.still
+
+
+@pytest.mark.parametrize("kind", [*PATTERNS, "numbers"])
+def test_a_gripper_that_jumps_is_locked_and_sets_no_cut_off(
+    arm: str, motion: dict[str, Array], tmp_path: Path, kind: str
+) -> None:
+    """Also where it opens wider than a locked joint may stray: its columns are not read."""
+    jumps = with_gripper(motion, np.where(motion["time"] % 2.0 < 1.0, 0.0, 0.16))
+    columns = numbered(jumps) if kind == "numbers" else logged(jumps, kind)
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    case = read(draft, tmp_path)
+    alone = draft_case(arm, write_log(tmp_path / "still.csv", logged(with_gripper(motion, np.zeros(3000)), "names")))
+    assert draft.needed == () and case.locked == {"gripper": 0.08}
+    assert draft.recognition.band_hz == alone.recognition.band_hz < 1.5 and cutoff_of(case) < 15
+    assert "# CHECK: gripper jumps between 2 positions" in draft.text and case.preprocessing.rate_hz == 200
+    np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
+
+
+def test_the_rate_of_a_draft_is_at_most_that_of_the_log(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    quick = 0.05 + 0.04 * np.sin(2 * np.pi * 30 * motion["time"])  # a motion, and not of a few values
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", logged(with_gripper(motion, quick), "names")), tmp_path)
+    assert draft.recognition.stepping == {} and draft.recognition.joints.names == NAMES
+    assert read(draft, tmp_path).preprocessing.rate_hz == pytest.approx(500.0)
+
+
+def test_what_steps_and_what_is_coarse() -> None:
+    time = np.arange(4000) / 100.0
+    smooth = 0.05 * np.sin(0.7 * time)
+    assert not steps(smooth) and not steps(np.round(smooth / 2e-3) * 2e-3)  # 50 values, one after another
+    assert steps(np.where(time % 8 < 4, 0.0, 0.05)) and not steps(np.zeros(4000))
+    assert not steps(np.where(np.arange(4000) == 700, 3.0, smooth))  # a wrong sample
