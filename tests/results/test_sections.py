@@ -102,6 +102,19 @@ def test_the_verdict_on_a_good_model(case: tuple[Estimate, Validation]) -> None:
     ]
 
 
+def test_base_parameters_that_are_zero_are_counted_apart(case: tuple[Estimate, Validation]) -> None:
+    """A relative deviation of zero says nothing, however large: the largest is that of the others."""
+    estimate, _ = case
+    worst = int(np.argmax(estimate.relative_std))
+    detail = context("verdict", Subject(estimate, ()))["answers"][2].detail
+    assert detail.startswith("largest: ") and "at 0" not in detail
+    beta = np.where(np.arange(len(estimate.beta)) == worst, 0.0, estimate.beta)
+    answer = context("verdict", Subject(replace(estimate, beta=beta), ()))["answers"][2]
+    assert f"; 1 at 0, such as {estimate.base.names[worst].split()[0]}" in answer.detail and "inf" not in answer.detail
+    known = int(np.sum(np.delete(estimate.relative_std, worst) <= 0.1))
+    assert answer.value == f"{known} of {len(beta)}"
+
+
 @pytest.mark.parametrize(("limit", "tones"), [(0.5, ["good"] * 3), (0.01, ["fair"] * 3)])
 def test_an_estimate_that_misses_its_criteria_is_not_praised(
     case: tuple[Estimate, Validation], limit: float, tones: list[str]

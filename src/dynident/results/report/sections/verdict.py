@@ -206,11 +206,14 @@ def _about_robot(subject: Subject) -> list[str]:
 
 
 def _knowledge(estimate: Estimate) -> VerdictAnswer:
-    relative = np.where(np.isnan(estimate.relative_std), np.inf, estimate.relative_std)
-    known = int(np.sum(relative <= WELL_KNOWN))
+    relative = np.where(np.isfinite(estimate.relative_std), estimate.relative_std, 0.0)
+    zero = np.flatnonzero(~np.isfinite(estimate.relative_std))
+    known = int(np.sum(relative <= WELL_KNOWN)) - len(zero)
     share = known / max(len(relative), 1)
     worst = int(np.argmax(relative)) if len(relative) else -1
-    detail = "" if worst < 0 else f"largest: {format_percent(relative[worst])}, {_short(estimate, worst)}"
+    said = [f"largest: {format_percent(relative[worst])}, {_short(estimate, worst)}"] if relative.any() else []
+    said += [f"{len(zero)} at 0, such as {_short(estimate, zero[0])}"] if len(zero) else []
+    detail = "; ".join(said)
     meaning = f"base parameters with relative std up to {format_percent(WELL_KNOWN)}"
     return VerdictAnswer(f"{known} of {len(relative)}", meaning, detail, "good" if share >= 0.8 else "fair")
 
