@@ -104,6 +104,27 @@ def test_monitor_finds_the_contact_and_nothing_else(cell: Path, capsys: pytest.C
     assert "false alarms an hour" in capsys.readouterr().err
 
 
+def test_monitor_says_where_the_rate_is_another_than_that_of_the_clean_runs(
+    cell: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head, *rows = Path("clean.csv").read_text().splitlines()
+    slow = "\n".join([head, *rows[::2]]) + "\n"
+    Path("slow.csv").write_text(slow)
+    rules = ["monitor", "estimate.json", "--clean", "train.csv", "clean.csv", "--rate", "0.1", "--quiet"]
+    for name, told in (("clean.csv", False), ("slow.csv", True)):
+        main([rules[0], rules[1], name, *rules[2:]])
+        shown = capsys.readouterr().out
+        assert ("50 samples a second, and thresholds of clean runs with 100" in shown) is told
+        main([rules[0], rules[1], name, *rules[2:], "--json"])
+        assert bool(json.loads(capsys.readouterr().out)["logs"][0]["other_rate"]) is told
+        monkeypatch.setattr("sys.stdin", StringIO(Path(name).read_text()))
+        main([rules[0], rules[1], "-", *rules[2:]])
+        assert ("name clean runs of this rate (--clean)" in capsys.readouterr().out) is told
+        monkeypatch.setattr("sys.stdin", StringIO(Path(name).read_text()))
+        main([rules[0], rules[1], "-", *rules[2:], "--json"])
+        assert any("remark" in json.loads(line) for line in capsys.readouterr().out.splitlines()) is told
+
+
 def test_monitor_tells_alarms_of_a_stream_as_they_begin(
     cell: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from dynident.applications.monitor import Monitor, Monitored
     from dynident.case.case import Case
 
+#: Samples of a stream after which its rate is known.
+_RATE_SAMPLES = 50
+
 SUMMARY = "alarms where torques from outside exceed what clean runs show"
 
 
@@ -99,10 +102,15 @@ def _watch(monitor: Monitor, as_json: bool, case: Case | None) -> int:
     names = monitor.observer.joint_names
     samples = alarms = 0
     first = last = 0.0
+    steps: list[float] = []
     columns, robot, _ = reading_of(monitor.observer.estimate, case)
     for reading in watch(monitor, sys.stdin, columns, robot):
+        if 0 < samples <= _RATE_SAMPLES:
+            steps.append(reading.time - last)
         first, last = (reading.time if samples == 0 else first), reading.time
         samples += 1
+        if samples == _RATE_SAMPLES and (told := monitor.other_rate(sorted(steps)[len(steps) // 2])):
+            console.answer_line({"remark": told}) if as_json else console.answer(f"remark: {told}")
         for name in reading.alarms:
             j = names.index(name)
             alarms += 1
@@ -155,6 +163,8 @@ def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) ->
         console.answer(f"\n{label(one.log)}: {one.seconds:.4g} s\n")
         console.answer_table(Table(heads, tuple(rows)))
         console.answer(note)
+        if one.other_rate:
+            console.answer(f"remark: {one.other_rate}")
         for alarm in one.alarms:
             times = f"{alarm.start:.4f} to {alarm.end:.4f} s"
             sizes = f"{alarm.peak:.4g} against {alarm.threshold:.4g}"

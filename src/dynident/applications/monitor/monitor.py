@@ -18,6 +18,9 @@ from dynident.errors import BadOption, LogMismatch
 #: Time constants of the observer below the threshold after which an alarm is over.
 APART = 5.0
 
+#: Factor between the sampling rates of a run and of the clean runs up to which their noise is about the same.
+NEAR_RATE = 1.2
+
 #: A step longer than this many time constants of the observer starts it anew.
 LOST = 20.0
 
@@ -35,6 +38,7 @@ class Monitor:
         factors: Shape (n,).
         rates: False alarms a second that were asked for, shape (n,).
         tails: Of each joint's residual over its band, by which the factors were found.
+        clean_steps: Shortest and longest seconds a sample of the clean runs.
     """
 
     observer: MomentumObserver
@@ -42,11 +46,26 @@ class Monitor:
     factors: Array
     rates: Array
     tails: tuple[Tail, ...]
+    clean_steps: tuple[float, float]
 
     def __post_init__(self) -> None:
         joints = self.observer.model.robot.dof
         for name in ("factors", "rates"):
             object.__setattr__(self, name, frozen(getattr(self, name), (joints,), name))
+
+    def other_rate(self, step: float) -> str:
+        """Return what to do where samples of ``step`` s are at another rate than the clean runs; empty for nothing.
+
+        Noise of the residual goes with the sampling rate: that of velocities made of positions with the rate itself.
+        """
+        low, high = self.clean_steps
+        if low / NEAR_RATE <= step <= high * NEAR_RATE:
+            return ""
+        own = f"{1 / high:.4g}" if high <= low * NEAR_RATE else f"{1 / high:.4g} to {1 / low:.4g}"
+        return (
+            f"{1 / step:.4g} samples a second, and thresholds of clean runs with {own}: noise goes with the rate, so "
+            "that false alarms are more or fewer than chosen; name clean runs of this rate (--clean), or send that rate"
+        )
 
     def thresholds(self, run: Signals) -> Array:
         """Return the threshold of each joint along a run, shape (N, n), in N m or N."""
@@ -157,7 +176,7 @@ def calibrated(observer: MomentumObserver, clean: Sequence[Signals], rates: npt.
             step = f"choose a rate below {3600 * tail.rate:.3g} alarms an hour for {name}"
             raise BadOption("rates", float(rate), step)
         factors.append(tail.threshold(float(rate)))
-    return Monitor(observer, band, np.array(factors), wanted, tails)
+    return Monitor(observer, band, np.array(factors), wanted, tails, (min(steps), max(steps)))
 
 
 def _band_and_shares(observer: MomentumObserver, clean: Sequence[Signals]) -> tuple[BandWeights, list[Array]]:

@@ -27,6 +27,7 @@ class Monitored:
         residual: Torque from outside, shape (N, n), in N m or N.
         threshold: Shape (N, n).
         alarms: In order of time.
+        other_rate: What to do where the log is at another sampling rate than the clean runs; empty where it is not.
     """
 
     log: str
@@ -35,6 +36,7 @@ class Monitored:
     residual: Array
     threshold: Array
     alarms: tuple[Alarm, ...]
+    other_rate: str = ""
 
     @property
     def seconds(self) -> float:
@@ -54,6 +56,7 @@ class Monitored:
             "log": self.log,
             "seconds": self.seconds,
             "samples": len(self.time),
+            "other_rate": self.other_rate,
             "alarms": [asdict(alarm) for alarm in self.alarms],
             "joints": [
                 {
@@ -88,9 +91,8 @@ def run_monitor(monitor: Monitor, log: Log) -> Monitored:
         for j, name in enumerate(names)
         for alarm in _alarms(name, signals.time, residual[:, j], threshold[:, j], APART / observer.gain)
     ]
-    return Monitored(
-        signals.name, names, signals.time, residual, threshold, tuple(sorted(found, key=lambda one: one.start))
-    )
+    alarms = tuple(sorted(found, key=lambda one: one.start))
+    return Monitored(signals.name, names, signals.time, residual, threshold, alarms, monitor.other_rate(signals.step))
 
 
 def _alarms(name: str, time: Array, residual: Array, threshold: Array, apart: float) -> list[Alarm]:
