@@ -26,6 +26,7 @@ from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.offset import Offset
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
 
 Write = Callable[..., Path]
 
@@ -449,3 +450,32 @@ def test_limits_that_cannot_be(tmp_path: Path, limits: str, words: str) -> None:
     path.write_text(f"case: 1\nrobot: er16\nlimits: {limits}\n")
     with pytest.raises(DescriptionError, match=words):
         read_case(path)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "kept"),
+    [
+        ("[1, 2, 3, 4, 5]", {0: 1, 1: 2, 3: 3, 4: 4, 5: 5}),
+        ("[1, 2, 9, 3, 4, 5]", {0: 1, 1: 2, 3: 3, 4: 4, 5: 5}),
+        ("{NAME: 2}", {1: 2}),
+    ],
+)
+def test_limits_of_joints_that_are_not_locked(tmp_path: Path, speeds: str, kept: dict[int, float]) -> None:
+    robot = read_robot("er16")
+    names, path = robot.joint_names, tmp_path / "case.yaml"
+    head = f"case: 2\nrobot: er16\nlocked: {{{names[2]}: 0.3}}\nlimits: "
+    path.write_text(f"{head}{{velocity: {speeds.replace('NAME', names[1])}}}\n")
+    found = read_case(path).robot
+    expected = {name: kept.get(k, robot.active[k].limits.velocity) for k, name in enumerate(names) if k != 2}
+    assert {joint.name: joint.limits.velocity for joint in found.active} == expected
+
+
+def test_limits_that_fit_neither_all_joints_nor_the_others(tmp_path: Path) -> None:
+    names, path = read_robot("er16").joint_names, tmp_path / "case.yaml"
+    for value, words in (
+        ("[1, 2, 3, 4]", "a list of 4 for a robot of 6 joints, 5 of them not locked; write 5 or 6 numbers"),
+        (f"{{{names[1]}x: 2}}", f"did you mean '{names[1]}'"),
+    ):
+        path.write_text(f"case: 2\nrobot: er16\nlocked: {{{names[2]}: 0.3}}\nlimits: {{velocity: {value}}}\n")
+        with pytest.raises(DescriptionError, match=words):
+            read_case(path)

@@ -298,9 +298,10 @@ def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
     """Apply gravity, limits, drives, coupling and locked joints, in this order; return also the locked positions."""
     if top.has("gravity"):
         robot = robot.with_gravity(top.numbers("gravity", 3))
-    if top.has("limits"):
-        robot = robot_with_limits(top, robot)
     names = robot.joint_names
+    positions = _locked(top, names)
+    if top.has("limits"):
+        robot = robot_with_limits(top, robot, [name for name in names if name not in positions])
     drives: dict[str, Drive] = {}
     if top.has("drives"):
         section = top.section("drives", names)
@@ -310,14 +311,16 @@ def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
                 drives[name] = guarded(section.place(name), lambda own=own, joint=joint: _drive(own, joint.drive))
     coupling = top.matrix("coupling", len(names), len(names)) if top.has("coupling") else None
     robot = guarded(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
+    return guarded(top.place("locked"), lambda: robot.locked(positions)) if positions else robot, positions
+
+
+def _locked(top: Section, names: Sequence[str]) -> dict[str, float]:
     if not top.has("locked"):
-        return robot, {}
+        return {}
     if top.value("locked") == "rest":
-        positions = dict.fromkeys((name for name in names if name not in texts(top, "joints")), 0.0)
-    else:
-        section = top.section("locked", names)
-        positions = {name: section.number(name) for name in names if section.has(name)}
-    return guarded(top.place("locked"), lambda: robot.locked(positions)), positions
+        return dict.fromkeys((name for name in names if name not in texts(top, "joints")), 0.0)
+    section = top.section("locked", names)
+    return {name: section.number(name) for name in names if section.has(name)}
 
 
 def _drive(section: Section, stated: Drive) -> Drive:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -178,28 +178,45 @@ def _folders(section: Section, case: str, robot: Robot, robot_path: str) -> tupl
     return tuple(found)
 
 
-def robot_with_limits(top: Section, robot: Robot) -> Robot:
-    """Return the robot with the bounds that the case states: one number for all joints, or one per joint.
+def robot_with_limits(top: Section, robot: Robot, moving: Sequence[str]) -> Robot:
+    """Return the robot with the bounds that the case states: a number, numbers by name, or one per joint.
+
+    Args:
+        top: The whole case.
+        robot: With all its joints.
+        moving: Those that are not locked; a list may be of these alone.
 
     Raises:
         DescriptionError: A key that is no bound, another number of numbers than joints, or a bound that cannot be.
     """
     section = top.section("limits", QUANTITIES)
     names = robot.joint_names
-    stated: dict[str, list[float]] = {}
-    for quantity in QUANTITIES:
-        if section.has(quantity):
-            several = isinstance(section.value(quantity), list)
-            values = section.numbers(quantity, len(names)) if several else [section.number(quantity)] * len(names)
-            stated[quantity] = [float(value) for value in values]
+    stated = {quantity: _bounds(section, quantity, names, moving) for quantity in QUANTITIES if section.has(quantity)}
 
     def bounded() -> Robot:
         joints = []
         for joint in robot.joints:
             if joint.name in names:
-                own = {quantity: values[names.index(joint.name)] for quantity, values in stated.items()}
+                own = {quantity: values[joint.name] for quantity, values in stated.items() if joint.name in values}
                 joint = replace(joint, limits=replace(joint.limits, **own))  # noqa: PLW2901 - the one that is kept
             joints.append(joint)
         return replace(robot, joints=tuple(joints))
 
     return guarded(section.place(), bounded)
+
+
+def _bounds(section: Section, quantity: str, names: Sequence[str], moving: Sequence[str]) -> dict[str, float]:
+    """Return a bound by joint."""
+    value = section.value(quantity)
+    if isinstance(value, Mapping):
+        own = section.section(quantity, tuple(names))
+        return {name: own.number(name) for name in names if own.has(name)}
+    if not isinstance(value, list):
+        return dict.fromkeys(names, section.number(quantity))
+    if len(value) not in (len(names), len(moving)):
+        joints = f"{len(names)} joints{f', {len(moving)} of them not locked' if len(moving) < len(names) else ''}"
+        counts = " or ".join(map(str, sorted({len(names), len(moving)})))
+        step = f"write {counts} numbers in the order of the chain, or numbers by name: {{{names[0]}: ...}}"
+        raise section.place(quantity).error(f"a list of {len(value)} for a robot of {joints}", step)
+    owners = names if len(value) == len(names) else moving
+    return dict(zip(owners, section.numbers(quantity, len(value)).tolist(), strict=True))
