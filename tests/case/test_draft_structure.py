@@ -99,6 +99,28 @@ def test_what_the_names_of_efforts_say_stands_beside_positions_without_names(
     assert draft.recognition.effort == signal
 
 
+@pytest.mark.parametrize("with_velocities", [True, False])
+@pytest.mark.parametrize("size", [1.0, 40.0, 0.0])
+def test_torques_whose_names_are_not_known_are_proposed_by_their_values(
+    size: float, with_velocities: bool, arm: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    """Right torques are offered, of another size their unit is asked for, and noise (0) is no torque of the robot."""
+    effort = size * motion["torque"] if size else np.random.default_rng(1).standard_normal(motion["q"].shape)
+    signals = [motion["q"], *([motion["dq"]] if with_velocities else []), effort]
+    names = ["qpos{}", *(["qvel{}"] if with_velocities else []), "foo{}"]
+    header = ["time", *(name.format(k + 1) for name in names for k in range(arm.dof))]
+    path = tmp_path / "run.csv"
+    np.savetxt(path, blocks(motion["time"], *signals), delimiter=",", header=",".join(header), comments="")
+    draft = draft_case(write_robot(tmp_path / "arm.json", arm), str(path), tmp_path)
+    if not size:
+        assert draft.recognition.effort == "" and "the log also has foo1" in draft.needed[0].text
+        return
+    assert draft.recognition.sources["torque"].columns == tuple(f"foo{k + 1}" for k in range(arm.dof))
+    assert any("'foo' is not known; the equations of motion" in one.text for one in draft.questions)
+    assert (draft.needed == ()) == (size == 1.0)
+    assert size == 1.0 or "the unit of foo1" in " ".join(one.text for one in draft.needed)
+
+
 def test_without_a_time_the_rate_follows_from_the_velocities(
     arm: Robot, motion: dict[str, Array], tmp_path: Path
 ) -> None:

@@ -156,6 +156,7 @@ def _column(found: Recognised, signal: str) -> str:
     if signal not in ("torque", "current") or not source.unknown:
         return f"{line}   # {plain(source.how)}"
     text = f"are {source.shown()} {_WORDS[signal]}? The word {' '.join(map(repr, source.unknown))} is not known"
+    text += f"; {source.how}" if found.torque_is_unnamed else ""
     return offered(line, text) if signal == "current" or found.torques_agree else asked(f"    {signal}", text, value)
 
 

@@ -1,4 +1,4 @@
-"""Columns whose names do not tell the positions: what their values say, beside what names say of the others."""
+"""Columns whose names do not tell positions or torques: what their values say, beside what names say of the others."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.case.draft.column_groups import groups_of
+from dynident.case.draft.column_words import tokens_of
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.signal_choice import choose_signals
-from dynident.case.draft.structure import ROWS, structure_of
+from dynident.case.draft.structure import ROWS, TableStructure, structure_of
 from dynident.case.draft.yaml_words import listed
 from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import with_clock
@@ -22,15 +23,12 @@ def by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recogni
     """Return what the values of columns without telling names say, and the tables, with the rate that they have."""
     if len(found.header) <= found.robot.dof:
         return found, tables
-    header = (found.time, *found.header) if found.is_clocked else found.header
-    try:
-        values = next(tables[0].batches(header, ROWS), np.empty((0, len(header))))
-    except LogFormatError:  # some column holds words
+    told = _structure(found, tables[0])
+    if told is None:
         return found, tables
-    told = structure_of(found.robot, header, values, found.time)
     if "q" not in told.groups:
         return replace(found, time=found.time or told.time), tables
-    refused = {name for group, _ in found.refused for name in group.names}
+    refused = _refused(found)
     sources = {
         signal: SignalSource(group.names, "", "link", told.evidence[signal])
         for signal, group in told.groups.items()
@@ -51,6 +49,41 @@ def by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recogni
         found, likely_effort=likely, time=time, is_clocked=is_clocked, sources=sources, rivals=rivals, joints=joints
     )
     return replace(found, left_out=left_out, structure=told), tables
+
+
+def with_effort_by_values(found: Recognised, table: LogTable) -> Recognised:
+    """Return what is recognised, with the torques that values tell where names tell positions and no effort.
+
+    They are asked for: their names are not known, and say nothing of their unit.
+    """
+    positions, effort = found.sources.get("q"), {"torque", "current"}
+    known = {found.time, *_refused(found), *(name for source in found.sources.values() for name in source.columns)}
+    free = [name for name in found.header if name not in known]
+    if positions is None or effort & (found.sources.keys() | found.rivals.keys()):
+        return found
+    told = _structure(found, table) if len(free) >= len(positions.columns) else None
+    if told is None or "torque" not in told.groups or "torque" in told.rivals:
+        return found
+    columns = told.groups["torque"].names
+    if told.groups["q"].names != positions.columns or not set(free).issuperset(columns):
+        return found
+    words = tuple(dict.fromkeys(word for name in columns for word in tokens_of(name) if not word.isdigit()))
+    torque = SignalSource(columns, "", "link", told.evidence["torque"], words)
+    return replace(found, sources={**found.sources, "torque": torque}, structure=replace(told, rivals={}))
+
+
+def _structure(found: Recognised, table: LogTable) -> TableStructure | None:
+    """Return what the values of a log say; None where some column holds words."""
+    header = (found.time, *found.header) if found.is_clocked else found.header
+    try:
+        values = next(table.batches(header, ROWS), np.empty((0, len(header))))
+    except LogFormatError:
+        return None
+    return structure_of(found.robot, header, values, found.time)
+
+
+def _refused(found: Recognised) -> set[str]:
+    return {name for group, _ in found.refused for name in group.names}
 
 
 def _named_efforts(found: Recognised, count: int) -> dict[str, SignalSource]:
