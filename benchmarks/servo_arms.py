@@ -1,8 +1,10 @@
 """Virtual arms of several joints whose servos are known: an integrator of its own.
 
 The time stepping of Moreau with the mass matrix of the whole arm: damping by the trapezoidal rule, dry friction of all
-joints together by projected Gauss-Seidel, the positions at the middle of the step. Nothing of dynident's roll-outs is
-in it; mass matrix and bias torque are dynident's kernels, compared with Pinocchio for every arm that is drawn.
+joints together by projected Gauss-Seidel, positions, Coriolis torques and Stribeck friction at the middle of the step,
+no jump of a command within one. With a tenth of the step positions differ by less than 0.01 mrad (root mean square).
+Nothing of dynident's roll-outs is in it; mass matrix and bias torque are dynident's kernels, compared with Pinocchio
+for every arm that is drawn.
 """
 
 from __future__ import annotations
@@ -26,7 +28,10 @@ from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 #: Step of the integration in s.
-STEP = 1e-5
+STEP = 5e-5
+
+#: Least step in s.
+_APART = 1e-12
 
 #: Passes of the friction's projected Gauss-Seidel over the joints.
 _PASSES = 30
@@ -147,7 +152,7 @@ def _held(matrix: Array, momentum: Array, most: Array, v: Array, impulse: Array)
 
 @numba.njit(cache=True)
 def _integrated(
-    body: tuple[IntArray, Array, Array, Array], columns: Array, law: Array, means: Array, steps: Array, on: Array,
+    body: tuple[IntArray, Array, Array, Array], columns: Array, law: Array, commands: Array, steps: Array, on: Array,
     q: Array, held: IntArray, seen: Array,
 ) -> None:  # fmt: skip
     """Write the positions at the samples, shape (N, n).
@@ -156,7 +161,7 @@ def _integrated(
         body: Tables of the chain, gravity and inertial parameters.
         columns: Parameters of the drives by _COLUMNS, shape (len(_COLUMNS), n).
         law: Duty per rad of error and its limit.
-        means: Mean of the delayed command over each step, shape (steps, n), in rad.
+        commands: Delayed command in each step, shape (steps, n), in rad; it jumps between two.
         steps: Length of each step in s, shape (steps,).
         on: 1 where each drive is on, shape (N, n).
         q: Positions at first, shape (n,), in rad.
@@ -168,25 +173,32 @@ def _integrated(
     n, goal, v, impulse = len(q), q.copy(), np.zeros(len(q)), np.zeros(len(q))
     bias, mass, work = np.zeros(n), np.zeros((n, n)), np.empty((len(links) + 1, WORK))
     momentum, most, sample = np.zeros(n), np.zeros(n), -1
+    aim, before, middle, last = np.zeros(n), np.zeros(n), np.zeros(n), steps[0]
     for k in range(len(steps)):
         if held[k] != sample:
             sample = held[k]
             seen[sample] = q
         h, is_on = steps[k], on[sample]  # by joint
         for i in range(n):
-            goal[i] += min(max(means[k, i] - goal[i], -slew[i] * h), slew[i] * h)
+            most_moved = slew[i] * h
+            moved = min(max(commands[k, i] - goal[i], -most_moved), most_moved)
+            aim[i] = goal[i] + (0.5 * moved if abs(moved) == most_moved else moved)
+            goal[i] += moved
             q[i] += 0.5 * h * v[i]
-        bias_torque(links, reals, gravity, theta, q + offset, v, bias, work)
+            middle[i] = v[i] + 0.5 * h / last * (v[i] - before[i])  # on the line through this and the step before
+            before[i] = v[i]
+        last = h
+        bias_torque(links, reals, gravity, theta, q + offset, middle, bias, work)
         placed_mass(links, reals, theta, mass, work)
         for i in range(n):
             mass[i, i] += armature[i]
         for i in range(n):
-            duty = min(max(law[0] * (goal[i] - q[i]), -law[1]), law[1])
+            duty = min(max(law[0] * (aim[i] - q[i]), -law[1]), law[1])
             damping = viscous[i] + is_on[i] * emf[i]
             momentum[i] = h * (is_on[i] * torque[i] * duty - bias[i] - 0.5 * damping * v[i])
             for j in range(n):
                 momentum[i] += mass[i, j] * v[j]
-            most[i] = h * (coulomb[i] + stribeck[i] * math.exp(-abs(v[i]) / fade[i]))
+            most[i] = h * (coulomb[i] + stribeck[i] * math.exp(-abs(middle[i]) / fade[i]))
         for i in range(n):
             mass[i, i] += 0.5 * h * (viscous[i] + is_on[i] * emf[i])
         _held(mass, momentum, most, v, impulse)
@@ -201,22 +213,19 @@ def arm_log(
     """Return the log of an arm that follows commands (N, n); drives are on where ``enabled``, (N,) or (N, n)."""
     count, n = command.shape
     enabled = np.broadcast_to(enabled.reshape(count, -1), (count, n)).copy()
-    parts = np.maximum(1, np.ceil(np.diff(time) / step - 1e-9)).astype(int)
-    held = np.repeat(np.arange(count - 1), parts)
-    steps = (np.diff(time) / parts)[held]
-    begins = time[held] + (np.arange(len(held)) - np.repeat(np.cumsum(parts) - parts, parts)) * steps
-    whole = np.vstack([np.zeros(n), np.cumsum(command[:-1] * np.diff(time)[:, None], axis=0)])  # held between samples
-    means = np.empty((len(steps), n))
-    for j, delay in enumerate(arm.true[:, PLACE["delay"]]):
-        first, last = (
-            np.interp(at, time, whole[:, j]) + np.minimum(at - time[0], 0.0) * command[0, j]
-            for at in (begins - delay, begins + steps - delay)
-        )
-        means[:, j] = (last - first) / steps
+    pieces = max(1, math.ceil(float(np.diff(time).max()) / step - 1e-9))
+    parts = np.interp(np.arange((count - 1) * pieces + 1) / pieces, np.arange(count), time)
+    delays = arm.true[:, PLACE["delay"]]
+    cuts = np.unique(np.concatenate([parts, *(time + delay for delay in delays)]))  # no command jumps within a step
+    cuts = cuts[(cuts <= time[-1]) & (np.diff(cuts, prepend=-np.inf) > _APART)]
+    steps, middles = np.diff(cuts), 0.5 * (cuts[1:] + cuts[:-1])
+    held = np.searchsorted(time, middles) - 1
+    given = np.maximum(np.searchsorted(time, middles[:, None] - delays) - 1, 0)
+    commands = np.take_along_axis(command, given, axis=0)
     columns = np.array([arm.true[:, PLACE[name]] for name in _COLUMNS])
     law, seen = np.array(arm.law.numbers(kp)[:2]), np.empty((count, n))
     body = (*pack(arm.robot.chain), np.asarray(arm.robot.nominal))
-    _integrated(body, columns, law, means, steps, enabled.astype(float), command[0].copy(), held, seen)
+    _integrated(body, columns, law, commands, steps, enabled.astype(float), command[0].copy(), held, seen)
     size = 2.0 * np.pi / counts
     return ServoLog(
         name=f"kp{kp:g}",
