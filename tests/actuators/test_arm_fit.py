@@ -151,12 +151,13 @@ def test_turns_that_say_otherwise_than_small_changes_are_believed(tmp_path: Path
 
 
 @pytest.mark.battery
-@pytest.mark.parametrize("seed", [8, 16])
-def test_zeros_of_neighbours_that_trade_against_each_other_are_found(tmp_path: Path, seed: int) -> None:
-    """Six joints at 30 Hz; small changes say that the zeros of 16 run away from where they agree.
+@pytest.mark.parametrize(("seed", "most"), [(8, 0.005), (16, 0.02)])
+def test_zeros_of_neighbours_that_trade_against_each_other_are_found(tmp_path: Path, seed: int, most: float) -> None:
+    """Six joints at 30 Hz; small changes say that the zeros of 16 run away from where they agree, 0.1 to 0.3 rad.
 
-    Those of 8 agree, and a last step by these changes would lead away.
+    Those of 8 agree, and a last step by these changes would lead away. The logs of 16, with stiction, tell two of the
+    zeros to 8 to 16 mrad (half widths).
     """
     for joint in servos.one(seed, 6, tmp_path)["joints"]:  # pyright: ignore
         zero = joint.get("angle_offset")
-        assert zero is None or abs(zero["value"] - zero["true"]) < min(zero["half"], 0.005), zero
+        assert zero is None or abs(zero["value"] - zero["true"]) < min(zero["half"], most), zero

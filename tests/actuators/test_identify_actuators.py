@@ -21,6 +21,7 @@ from dynident.actuators.parameters import PLACE
 from dynident.actuators.rollout import record_of
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
 from dynident.actuators.verdict import Known
+from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.errors import EstimateFormatError, LogMismatch, NotConsistent, UnknownChoice
 from dynident.model.robot import Robot
 from dynident.results.actuator_text import joint_warnings, parameter_table
@@ -81,7 +82,9 @@ def test_logs_that_saturate_throughout_and_times_in_ms_are_told(robot: Robot) ->
     with pytest.raises(LogMismatch, match=r"samples of joint1 move without saturation; log slower .* lower kp"):
         identify_actuators(robot, setup, stated[:2])
     (warning,) = joint_warnings(identify_actuators(robot, setup, stated).joints[0])  # its last log has a free swing
-    assert re.search(r"roll-outs miss \d+ % of the motion: by kp .* limit in \d+ % of it; correct kp", warning)
+    assert re.search(
+        r"roll-outs miss \d+ % of the motion: by kp .* limit in \d+ % of it, by the torques it is", warning
+    )
     assert not any(
         "roll-outs miss" in text for text in joint_warnings(identify_actuators(robot, setup, logs).joints[0])
     )
@@ -95,6 +98,21 @@ def test_a_log_that_is_unlike_the_others_is_named(robot: Robot) -> None:
     told = joint_warnings(identify_actuators(robot, setup, lost).joints[0])
     assert any("do not follow 1 of 5 logs (virtual kp3 seed 2; up to" in text and "enabled" in text for text in told)
     assert not joint_warnings(identify_actuators(robot, setup, logs).joints[0])
+
+
+def test_small_motions_count_and_held_joints_do_not(robot: Robot) -> None:
+    """A log of a twentieth of the motion at a gain of its own; one of a held joint whose reading steps to and fro."""
+    logs = virtual_logs(robot, parameters(), gains=(3.0, 6.0))
+    time, count = logs[0].time, logs[0].samples
+    command = 0.06 * np.sin(2 * np.pi * (0.3 + 0.12 * time) * time)
+    bench = ServoBench(robot, preset("feetech_sts3215"))
+    small = replace(virtual_log(bench, parameters(), time, command, 6.0, np.ones(count, dtype=bool)), name="small")
+    steps = np.where(np.arange(count) // 100 % 2 == 0, 0.0, 2.0 * np.pi / 4096)[:, None]
+    held = replace(small, name="held", q=steps, q_ref=np.zeros((count, 1)))
+    setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")
+    assert not joint_warnings(identify_actuators(robot, setup, [*logs, small, held]).joints[0])
+    told = joint_warnings(identify_actuators(robot, setup, [*logs, replace(small, kp=3.0), held]).joints[0])
+    assert any("do not follow 1 of 7 logs (small;" in text for text in told), told
 
 
 def test_no_angle_offset_is_sought_where_no_weight_tells_it(robot: Robot) -> None:
