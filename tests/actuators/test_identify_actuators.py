@@ -12,6 +12,7 @@ from servo_bench import TRUE, parameters, virtual_logs
 
 from dynident.actuators.drive_law import PRESETS, STATES, preset
 from dynident.actuators.estimate import JointActuator, read_actuators, write_actuators
+from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.joint_fit import NO_LIMIT, JointData, JointFit, first_fit, fit_again
 from dynident.actuators.joint_load import measured_loads, measured_motion
@@ -204,18 +205,32 @@ def test_a_log_that_holds_the_joint_has_no_error(robot: Robot) -> None:
     assert set(estimate.joints[0].test) == {drop.name}
 
 
-def test_an_unknown_gain_without_saturation_is_not_separable(robot: Robot) -> None:
+def test_an_unknown_gain_without_saturation_is_not_separable(robot: Robot, tmp_path: Path) -> None:
     """Only the stiffness is known, and it is right; a swing of the free joint is missed, so damping is one sum."""
     logs = [log for log in virtual_logs(robot, parameters(), gains=(1.0, 1.5)) if log.enabled.all()]
     logs = [type(log)(**{**vars(log), "kp": float("nan")}) for log in logs[:1]]
-    joint = identify_actuators(robot, ServoSetup((preset("position_servo"),), COLUMNS, "m1"), logs).joints[0]
+    estimate = identify_actuators(robot, ServoSetup((preset("position_servo"),), COLUMNS, "m1"), logs)
+    joint = estimate.joints[0]
     labels = {one.name: one.label for one in joint.known}
     assert labels["full_torque"] == "not separable"
+    write_actuators(estimate, tmp_path / "a.json")
+    assert read_actuators(tmp_path / "a.json").joints[0].combinations == joint.combinations
     known = {one.name: one for one in joint.combinations}
-    assert known["stiffness"].value == pytest.approx(2.4 * 0.166, rel=0.05)
+    for name, true in (("stiffness", 2.4 * 0.166), ("damping", 0.26)):
+        assert known[name].value == pytest.approx(true, rel=0.05)
+        assert abs(known[name].value - true) < known[name].half_width < 0.05 * true
     assert "saturates" in known["stiffness"].words
     assert known["damping"].value == pytest.approx(TRUE["viscous"] + TRUE["back_emf"], rel=0.05)
     assert "torque off" in known["damping"].words
+
+
+def test_friction_of_a_joint_of_an_arm_is_compared_from_the_fit_that_knows_its_loads(robot: Robot) -> None:
+    """From a linear start under other loads fits of simple friction may end beside the answer, and lose."""
+    data, fit = joint_of(robot, virtual_logs(robot, parameters())[:3])
+    wrong = [replace(one, target=-one.target, fixed={}) for one in data.rows]
+    begun = data.train, wrong, data.law, fit.scanned, data.has_off
+    beside, there = choose_friction(*begun)[1], choose_friction(*begun, fit.parameters)
+    assert there[0] == "m1" and there[1]["m1"] < 1e-3 < 5e-3 < beside["m1"]
 
 
 def test_a_robot_model_without_inertias_is_named(tmp_path: Path, robot: Robot) -> None:

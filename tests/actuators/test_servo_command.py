@@ -162,6 +162,17 @@ def test_init_drafts_the_case_of_such_logs(folder: Path, capsys: pytest.CaptureF
     assert saved["test_error_rad"].keys() == {"drop_kp4.csv"}
 
 
+@pytest.mark.parametrize(
+    ("names", "kp"),
+    [(("ep4", "ep5"), "unknown"), (("run_p4", "run_p5"), "'p{}'"), (("a_gain4", "b_gain5"), "'gain{}'")],
+)
+def test_init_takes_no_number_of_an_episode_for_a_gain(folder: Path, names: tuple[str, str], kp: str) -> None:
+    for name, log in zip(names, ("chirp_kp4.csv", "steps_kp4.csv"), strict=True):
+        Path(log).rename(f"{name}.csv")
+    assert main(["init", "pendulum.urdf", *(f"{name}.csv" for name in names), "-o", "drafted.yaml"]) == 0
+    assert f"\n  kp: {kp} " in Path("drafted.yaml").read_text()
+
+
 @pytest.mark.parametrize("size", [1.0, 57.3], ids=["positions", "another unit"])
 def test_init_drafts_the_case_of_an_arm_whose_joints_move_one_at_a_time(folder: Path, size: float) -> None:
     """Commands of the joints that are held do not move; commands in another unit than the positions are none."""

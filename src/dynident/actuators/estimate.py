@@ -33,12 +33,14 @@ class Combination:
         value: Its value.
         unit: Its unit.
         words: What it is made of, and what would tell the parts apart.
+        half_width: Of the interval at 95 %; infinite where the logs do not tell it.
     """
 
     name: str
     value: float
     unit: str
     words: str
+    half_width: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ def as_data(estimate: ActuatorEstimate) -> dict[str, Any]:
                 for name, value in zip(names, joint.parameters, strict=True)
             },
             "known": [_known(one) for one in joint.known],
-            "combinations": [asdict(one) for one in joint.combinations],
+            "combinations": [{**asdict(one), "half_width": _finite(one.half_width)} for one in joint.combinations],
             "coulomb_viscous": {name: _finite(value) for name, value in zip(names, joint.simple, strict=True)},
             "linear_start": {name: _finite(value) for name, value in zip(names, joint.linear, strict=True)},
             "law": law,
@@ -198,8 +200,9 @@ def _joint(name: str, own: Mapping[str, Any]) -> JointActuator:
         found = [values[one.name] for one in PARAMETERS]
         return np.array([np.inf if value is None else float(value) for value in found])
 
-    def infinite(one: Mapping[str, Any]) -> Known:
-        return Known(**{**one, "half_width": np.inf if one["half_width"] is None else one["half_width"]})
+    def infinite(one: Mapping[str, Any]) -> dict[str, Any]:
+        half = one.get("half_width")
+        return {**one, "half_width": np.inf if half is None else half}
 
     return JointActuator(
         name=name,
@@ -207,8 +210,8 @@ def _joint(name: str, own: Mapping[str, Any]) -> JointActuator:
         kp=tuple(own["kp"]),
         friction=own["friction_model"],
         parameters=array({key: value["value"] for key, value in own["parameters"].items()}),
-        known=tuple(infinite(one) for one in own["known"]),
-        combinations=tuple(Combination(**one) for one in own["combinations"]),
+        known=tuple(Known(**infinite(one)) for one in own["known"]),
+        combinations=tuple(Combination(**infinite(one)) for one in own["combinations"]),
         linear=array(own["linear_start"]),
         simple=array(own["coulomb_viscous"]),
         train=own["train_error_rad"],

@@ -9,8 +9,9 @@ import numpy as np
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, refinable, start_at
 from dynident.actuators.output_error import FOLD, ServoProblem, output_error, starts_from
-from dynident.actuators.parameters import FRICTION_MODELS
+from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import JointRecord, mean_errors
+from dynident.arrays import Array
 from dynident.errors import DynidentError
 
 #: A richer model is taken where it lowers the cross-validation error by this share, and by more than one standard error
@@ -44,11 +45,21 @@ def choose_friction(
     law: DriveLaw,
     scanned: LinearStart,
     has_off: bool,
+    simple: Array | None = None,
 ) -> tuple[str, dict[str, float]]:
     """Return the chosen friction model and the cross-validation error of each that was tried, in rad.
 
     The errors are geometric means over the logs.
     With a single log there is nothing to hold out: m1, and no errors.
+
+    Args:
+        records: The joint in the logs.
+        rows: What the linear start takes of them.
+        law: Its drive law.
+        scanned: Where the scan of delay and slew limit ended.
+        has_off: Whether the drive is off in motion.
+        simple: Parameters of the fit with m1, shape (COUNT,), that the fits begin at but for friction that it lacks;
+            None: at the linear start, whose loads are those of this fit.
     """
     folds = folds_of(records)
     if not folds:
@@ -58,7 +69,7 @@ def choose_friction(
     for name in (*_FIRST, *_THEN):
         if name in _THEN and chosen not in ("m4", "m5"):
             break
-        errors[name] = _held_out_error(name, folds, records, rows, law, scanned, has_off)
+        errors[name] = _held_out_error(name, folds, records, rows, law, scanned, has_off, simple)
         gain = np.log(errors[chosen]) - np.log(errors[name])
         if np.isfinite(errors[name]).all() and gain.mean() > max(IMPROVES, standard_error(gain)):
             chosen = name
@@ -78,13 +89,16 @@ def _held_out_error(
     law: DriveLaw,
     scanned: LinearStart,
     has_off: bool,
+    simple: Array | None,
 ) -> np.ndarray:
     """Return the error of the roll-out of each log by a fit without its fold, shape (logs,), in rad."""
     model, found = FRICTION_MODELS[name], np.full(len(records), np.inf)
+    own = np.isin(list(PLACE), [*set(model.free) - set(FRICTION_MODELS["m1"].free), *dict(model.tied)])
     for held in folds:
         kept = [k for k in range(len(records)) if k not in held]
         try:
             start = refinable(start_at([rows[k] for k in kept], law, model, scanned), law, has_off)
+            start = start if simple is None else np.where(own, start, simple)
             free = free_parameters(law, model, start, has_off=has_off)
             seeded = starts_from(start, model)[:1]  # at zero the Stribeck terms have no slope to follow
             fit = output_error(ServoProblem(tuple(records[k] for k in kept), free, model), seeded, effort=FOLD)

@@ -192,7 +192,7 @@ def _known_together(
     data: JointData, known: tuple[Known, ...], parameters: Array, has_gain: bool, kp: tuple[float, ...]
 ) -> tuple[tuple[Known, ...], tuple[Combination, ...]]:
     """Return the parameters with those that structure keeps apart marked, and the combinations that are known."""
-    found, law = [], data.law
+    found, law, halves = [], data.law, {one.name: one.half_width for one in known}
     if law.gain_is_free and not has_gain:
         torque = parameters[PLACE["full_torque"]]
         known = tuple(
@@ -203,11 +203,12 @@ def _known_together(
         )
         unit = "N m/rad" if not kp or kp == (1.0,) else "N m/rad per unit of kp"
         words = f"gain times torque at full duty; to separate them, {EXPERIMENTS['gain_ratio']}"
-        found.append(Combination("stiffness", float(torque * law.error_gain), unit, words))
+        half = law.error_gain * halves["full_torque"]
+        found.append(Combination("stiffness", float(torque * law.error_gain), unit, words, half))
     if not law.controls_torque and not data.has_off:
         total = float(parameters[PLACE["viscous"]])
         words = f"viscous friction and back-EMF together; to separate them, {EXPERIMENTS['viscous']}"
-        found.append(Combination("damping", total, "N m s/rad", words))
+        found.append(Combination("damping", total, "N m s/rad", words, halves["viscous"]))
         known = tuple(
             replace(one, together="back_emf", label="not separable" if one.label == "identified" else one.label)
             if one.name == "viscous"

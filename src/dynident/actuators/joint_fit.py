@@ -179,7 +179,8 @@ def richer_fit(
     folds: dict[str, float] = {}
     if friction == AUTO:
         progress(f"{data.name}: friction by cross-validation of roll-outs")
-        friction, folds = choose_friction(data.train, data.rows, data.law, fit.scanned, data.has_off)
+        simple = fit.parameters if from_fit else None
+        friction, folds = choose_friction(data.train, data.rows, data.law, fit.scanned, data.has_off, simple)
     if friction == "m1":
         return replace(fit, folds=folds)
     progress(f"{data.name}: output error, friction {friction}")

@@ -28,7 +28,10 @@ def parameter_table(joint: JointActuator) -> Table:
         rows.append((name, value, half, *ratio, pretty_unit(unit_of(one.name)), label))
     for one in joint.combinations:
         ratio = [MISSING] * has_ratio
-        rows.append((one.name, format_number(one.value, 4), MISSING, *ratio, pretty_unit(one.unit), "known together"))
+        half, is_known = one.half_width, bool(np.isfinite(one.half_width))
+        value = format_value(one.value, half)[0] if is_known else format_number(one.value, 4)
+        width = format_number(half, 2) if is_known else MISSING
+        rows.append((one.name, value, width, *ratio, pretty_unit(one.unit), "known together"))
     columns = (
         Column("parameter"),
         Column("value", numeric=True),

@@ -17,8 +17,8 @@ from dynident.case.draft.yaml_words import asked, few, offered, quoted
 #: A turn in degrees.
 _TURN = 360.0
 
-#: A position gain in the name of a log.
-_GAIN = re.compile(r"(kp|gain|[pP])[_-]?(?=\d)")
+#: A position gain in the name of a log; the letter alone stands as a word (ep0 is an episode).
+_GAIN = re.compile(r"(kp|gain|(?<![a-zA-Z])[pP])[_-]?(?=\d)")
 
 
 def is_servo_log(found: Recognised) -> bool:
