@@ -15,6 +15,7 @@ from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator, write_actuators
 from dynident.actuators.joint_load import measured_loads
 from dynident.actuators.rollout import record_of, rolled_out
+from dynident.actuators.verdict import Known
 from dynident.cli.main import main
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
@@ -115,6 +116,53 @@ def test_an_exported_arm_is_held_against_the_roll_out(
     assert "joints that were not identified" in capsys.readouterr().out
     assert main([*words, "--no-proof"]) == 0
     assert capsys.readouterr().out == ""
+
+
+def known(**labels: str) -> tuple[Known, ...]:
+    """Return how far parameters are known: by labels, each with the parameter that it is known with after a comma."""
+    parts = {name: text.partition(", ") for name, text in labels.items()}
+    return tuple(Known(name, 1.0, np.inf, label, together) for name, (label, _, together) in parts.items())
+
+
+def test_a_torque_that_no_log_tells_is_no_limit(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Gain and torque at full duty known together: the effort limit of the robot model holds, of 2 N m here.
+
+    A torque that is known takes its place, and of a joint without scale it is said that its numbers are ratios.
+    """
+    Path("pendulum.urdf").write_text(PENDULUM.replace('effort="5"', 'effort="2"'))
+    unit = parameters(angle_offset=0.0, full_torque=2.4 * 0.166 * KP)
+    told = {}
+    for name, law, values, own in (
+        ("known", preset("feetech_sts3215"), parameters(angle_offset=0.0), known(full_torque="identified")),
+        ("unknown", preset("position_servo"), unit, known(full_torque="not separable, gain_ratio")),
+        (
+            "ratio",
+            preset("feetech_sts3215"),
+            parameters(angle_offset=0.0),
+            known(full_torque="not separable", armature="known as a ratio", delay="identified"),
+        ),
+    ):
+        kp = (KP,) if law.error_gain != 1.0 else (1.0,)
+        joint = JointActuator("joint1", law, kp, "m1", values, own, (), values, values, {}, {}, {}, {}, 0.0)
+        write_actuators(ActuatorEstimate("pendulum", (joint,), {"robot": {"path": "pendulum.urdf"}}), f"{name}.json")
+        for target in ("mjcf", "isaac", "urdf"):
+            assert main(["export", f"{name}.json", "--to", target, "-o", f"{name}.{target}"]) == 0
+            told[name, target] = "".join(capsys.readouterr())
+        assert "MuJoCo and the roll-out differ by" in told[name, "mjcf"]
+        assert "warning" not in told[name, "mjcf"]
+    limits = {
+        name: (
+            read_robot(f"{name}.mjcf").active[0].limits.effort,
+            json.loads(Path(f"{name}.isaac").read_text())["joint1"]["effort_limit_sim"],
+            read_robot(f"{name}.urdf").active[0].limits.effort,
+        )
+        for name in ("known", "unknown")
+    }
+    np.testing.assert_allclose(limits["known"], 3 * [2.4 * 0.97], rtol=1e-5)
+    assert limits["unknown"] == (2.0, None, 2.0)
+    assert "joint1 is not known apart from the gain: none is written" in told["unknown", "isaac"]
+    assert "the effort limit of the robot model holds" in told["unknown", "mjcf"]
+    assert "known as ratios" in told["ratio", "urdf"] and "known" not in told["known", "isaac"].replace("known.", "")
 
 
 def test_tables_hold_the_numbers(folder: Path) -> None:

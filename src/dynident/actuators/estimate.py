@@ -89,6 +89,11 @@ class JointActuator:
         """Return the torque per rad of error of the drive at a position gain, in N m/rad."""
         return self.value("full_torque") * self.value("gain_ratio") * self.law.error_gain * kp
 
+    @property
+    def has_torque(self) -> bool:
+        """Whether the torque at full duty is known apart from the gain: else nothing tells the largest torque."""
+        return not any(one.name == "full_torque" and one.together == "gain_ratio" for one in self.known)
+
     def mean_error(self, errors: Mapping[str, float]) -> float:
         """Return the mean over logs, in rad; nan for none."""
         return float(np.mean(list(errors.values()))) if errors else float("nan")

@@ -180,7 +180,7 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     """
     from dynident.actuators.estimate import read_actuators
     from dynident.cli import console
-    from dynident.exports.actuator_files import actuator_file, body_remarks
+    from dynident.exports.actuator_files import actuator_file, export_remarks
     from dynident.exports.actuator_proof import simulated_differences
     from dynident.files import check_outputs, write_atomically
 
@@ -197,7 +197,7 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
         return 0
     if differences is not None:
         console.answer(_proof_line(differences))
-    for text in body_remarks(estimate, options.to):
+    for text in export_remarks(estimate, options.to):
         console.remark(text, options.quiet)
     console.remark(f"{'would write' if options.check else 'wrote'} {options.output}", options.quiet)
     return 0

@@ -15,6 +15,7 @@ from defusedxml import ElementTree
 
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.parameters import PLACE
+from dynident.actuators.verdict import lacks_scale
 from dynident.errors import BadOption, MissingDependency, UnknownChoice
 from dynident.exports.actuator_bodies import set_bodies, urdf_of
 
@@ -33,7 +34,7 @@ class SimulatorJoint:
         viscous: Viscous friction alone, in N m s/rad.
         frictionloss: Coulomb friction, in N m.
         armature: Rotor inertia at the joint, in kg m^2.
-        largest_torque: Torque at the duty limit, in N m; infinite where the law has none.
+        largest_torque: Torque at the duty limit, in N m; infinite where the law has none or the logs do not tell it.
         damping_gain: Torque per velocity error, in N m s/rad.
         delay_s: Time until a command acts.
         slew_limit: Fastest change of the goal inside the drive, in rad/s; infinite for none.
@@ -67,7 +68,7 @@ def simulator_joint(joint: JointActuator, kp: float) -> SimulatorJoint:
         viscous=value("viscous"),
         frictionloss=value("coulomb"),
         armature=value("armature"),
-        largest_torque=value("full_torque") * joint.law.limit,
+        largest_torque=value("full_torque") * joint.law.limit if joint.has_torque else np.inf,
         damping_gain=value("full_torque") * value("damping_gain"),
         delay_s=value("delay"),
         slew_limit=value("slew_limit"),
@@ -114,7 +115,8 @@ def mujoco_model(estimate: ActuatorEstimate, kp: float) -> str:
 def mujoco_spec(estimate: ActuatorEstimate, kp: float) -> tuple[Any, Any]:
     """Return the module of MuJoCo, and the robot model with the actuators as its MjSpec.
 
-    They replace the actuators and the armature, damping and frictionloss that the model has for these joints.
+    They replace the actuators and the armature, damping, frictionloss and effort limits that the model has for these
+    joints; an effort limit stays where the largest torque is not known.
 
     Raises:
         MissingDependency: MuJoCo is not installed.
@@ -143,6 +145,7 @@ def mujoco_spec(estimate: ActuatorEstimate, kp: float) -> tuple[Any, Any]:
         actuator.set_to_position(kp=one.stiffness, kv=one.damping_gain)
         if np.isfinite(one.largest_torque):
             actuator.forcelimited, actuator.forcerange = True, [-one.largest_torque, one.largest_torque]
+            joint.actfrclimited, joint.actfrcrange = True, [-one.largest_torque, one.largest_torque]
         if one.delay_s > 0:
             actuator.delay = one.delay_s
             actuator.nsample = int(np.ceil(one.delay_s / TIMESTEP)) + 1
@@ -245,12 +248,22 @@ TARGETS: Final[Mapping[str, Callable[[ActuatorEstimate, float], str]]] = {
 _WITH_BODIES: Final = (mujoco_model, urdf_dynamics)
 
 
-def body_remarks(estimate: ActuatorEstimate, target: str) -> list[str]:
-    """Return what has to be said of bodies that were found where a target has none."""
-    if estimate.bodies is None or TARGETS.get(target) in _WITH_BODIES:
-        return []
-    names = " or ".join(name for name, write in TARGETS.items() if write in _WITH_BODIES)
-    return [f"its torques belong to the bodies that were found: export those with --to {names}"]
+def export_remarks(estimate: ActuatorEstimate, target: str) -> list[str]:
+    """Return what has to be said of an export: torques that are not known, bodies that a target has not."""
+    has_model, found = TARGETS.get(target) in _WITH_BODIES, list[str]()
+    unknown = [joint.name for joint in estimate.joints if not joint.has_torque]
+    if unknown:
+        limit = "the effort limit of the robot model holds" if has_model else "none is written"
+        found.append(f"the largest torque of {', '.join(unknown)} is not known apart from the gain: {limit}")
+    ratios = [joint.name for joint in estimate.joints if lacks_scale({one.name: one.label for one in joint.known})]
+    if ratios:
+        found.append(
+            f"torques, friction and armature of {', '.join(ratios)} are known as ratios: nothing gives their scale"
+        )
+    if estimate.bodies is not None and not has_model:
+        names = " or ".join(name for name, write in TARGETS.items() if write in _WITH_BODIES)
+        found.append(f"its torques belong to the bodies that were found: export those with --to {names}")
+    return found
 
 
 def actuator_file(estimate: ActuatorEstimate, target: str, options: Mapping[str, Any]) -> str:

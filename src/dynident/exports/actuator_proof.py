@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -110,6 +111,9 @@ def _driven(engine: Any, model: Any, commands: Array, places: Array, drives: Arr
 
 def _difference(estimate: ActuatorEstimate, robot: Robot, k: int, log: ServoLog) -> float:
     laws, parameters = [joint.law for joint in estimate.joints], [joint.simple.copy() for joint in estimate.joints]
+    if not estimate.joints[k].has_torque:  # its model has the effort limit of the robot model
+        effort = robot.active[k].limits.effort
+        laws[k] = replace(laws[k], limit=effort / parameters[k][PLACE["full_torque"]])
     for own in parameters:
         own[PLACE["angle_offset"]], own[PLACE["slew_limit"]] = 0.0, np.inf
     record = record_of(log, k, arm_loads(robot, log, laws, parameters)[k], laws[k])
