@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from dynident.case.case import read_case
 from dynident.cli.main import main
@@ -38,6 +39,25 @@ def test_a_draft_names_the_lines_that_ask_and_so_does_identify(capsys: Capture, 
         "\n".join(lines).replace("position: ask", "position: deg").replace("torque: ask", "torque: N m")
     )
     assert read_case(case).columns.units.position == "deg"
+
+
+def test_a_pattern_and_a_folder_stand_for_their_logs(
+    capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path, "tau")
+    monkeypatch.chdir(tmp_path)
+    Path("runs").mkdir()
+    for name in ("a", "b"):
+        Path("runs", f"{name}.csv").write_text(Path("run.csv").read_text())
+    Path("runs", "notes.md").write_text("of Monday\n")
+    for words in (["runs/*.csv", "--test", "run.csv"], ["runs", "--test", "r*.csv"]):
+        assert main(["init", "generic-6r", *words, "-o", "case.yaml", "--force"]) == 0
+        case = yaml.safe_load(Path("case.yaml").read_text())
+        assert case["train"] == ["runs/a.csv", "runs/b.csv"] and case["test"] == "run.csv"
+    assert main(["init", "generic-6r", "runs/*.csv", "runs/a.csv", "-o", "case.yaml", "--force"]) == 1
+    assert "name each log once" in capsys.readouterr().err
+    assert main(["init", "generic-6r", "runs/*.txt", "-o", "case.yaml", "--force"]) == 1
+    assert "there is no log" in capsys.readouterr().err
 
 
 def test_json_says_what_was_recognised(capsys: Capture, tmp_path: Path) -> None:

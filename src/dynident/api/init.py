@@ -8,6 +8,7 @@ from pathlib import Path
 
 from dynident.api.log_checks import case_of_model
 from dynident.case.case_draft import Draft, draft_case, told_gravity
+from dynident.data.log_places import is_address, logs_named
 from dynident.diagnosis.causes.gravity_direction import followed_gravity
 from dynident.diagnosis.causes.quick_fit import quick_fit
 from dynident.errors import BadArgument, BadOption
@@ -45,9 +46,9 @@ def init(
 
     Args:
         robot: Robot model, or the name of a built-in robot.
-        logs: Log of a motion, or several with the same columns.
+        logs: Log of a motion, or several with the same columns: files, folders or patterns.
         folder: Where the case file will stand; paths in it are relative to it.
-        test: Logs to test on.
+        test: Logs to test on, named alike.
         kind: What is stated of the files of the logs.
 
     Raises:
@@ -64,12 +65,13 @@ def init(
             step = "give the name of a file; arrays need no draft: di.identify(robot, log)"
             raise BadArgument("logs", f"{type(log).__name__} where a file is wanted", step)
     kind = kind or LogKind()
-    _check_once((*train, *test))
+    train, held = _named(train), _named(test)
+    _check_once((*train, *held))
     draft = draft_case(
         robot,
         train,
         folder,
-        test=test,
+        test=held,
         profile=kind.profile,
         form=kind.format,
         form_options=kind.format_options,
@@ -81,6 +83,11 @@ def init(
     with one_blas_thread():
         fit = quick_fit(case_of_model(DynamicModel(sample[0])), sample[1])
         return draft if fit is None else told_gravity(draft, followed_gravity(fit))
+
+
+def _named(logs: Sequence[str]) -> tuple[str, ...]:
+    """Return the logs that files, folders and patterns stand for; addresses are as they are."""
+    return tuple(one for log in logs for one in ([log] if is_address(str(log)) else logs_named([str(log)], Path)[0]))
 
 
 def _check_once(logs: Sequence[str]) -> None:

@@ -19,7 +19,7 @@ SUMMARY = "a commented case file from a robot and its logs"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("robot", metavar="ROBOT", help="robot model or built-in example robot")
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs of motions, all with the same columns")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs with the same columns: files, folders, patterns")
     parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not learned from")
     kind = parser.add_argument_group("kind of log (found from the columns and the suffix where not stated)")
     kind.add_argument("--profile", default="", metavar="NAME", help="profile of its vendor: 'dynident list profiles'")
