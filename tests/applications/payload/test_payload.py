@@ -18,7 +18,7 @@ from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption, LogMismatch, UnknownChoice
 from dynident.model.friction import Motion
-from dynident.model.robot import rotation_about
+from dynident.model.robot import Frame, rotation_about
 
 BODY = Inertia.from_centre_of_mass(2.6, [0.05, 0.1, 0.04], np.diag([0.02, 0.015, 0.012]))
 GIVEN = Preprocessing(AsGiven(), rest="keep")
@@ -135,6 +135,23 @@ def test_postures_tell_mass_and_centre_only(robot: Robot, estimate: Estimate) ->
     assert abs(found.mass.value - 2.6) < found.mass.half_width < 1.3
     assert "postures tell mass and centre of mass only" in " ".join(found.remarks)
     assert found.body.is_consistent()
+
+
+def test_the_frames_of_the_last_link_are_named_where_nothing_is_stated(robot: Robot, estimate: Estimate) -> None:
+    """A tool of the robot model or a stated frame stands without a word, as do frames that are that of the link."""
+    last, log = robot.dof - 1, run_of(with_body(robot), 2)
+    frames = {"mount": Frame(last, np.eye(3), np.zeros(3)), "camera": Frame(last, np.eye(3), np.array([0, 0, 0.1]))}
+
+    def told(more: dict[str, Frame], flange: str = "", tool: str = "") -> str:
+        model = replace(estimate.model, robot=replace(robot, frames={**robot.frames, **more}, tool=tool))
+        own = {name: frame for name, frame in model.robot.frames.items() if frame.link != last or name in more}
+        model = replace(model, robot=replace(model.robot, frames=own))
+        return " ".join(identify_payload(replace(estimate, model=model), [log], flange=flange).remarks)
+
+    tcp = {**frames, "tcp": Frame(last, rotation_about(np.array([1.0, 0, 0]), 0.3), np.zeros(3))}
+    assert "these frames on it: tcp, camera (--flange NAME)" in told(tcp)
+    for quiet in (told(tcp, flange="camera"), told(tcp, tool="tcp"), told({"mount": frames["mount"]})):
+        assert "these frames on it" not in quiet
 
 
 def test_a_run_without_payload_says_so(robot: Robot, estimate: Estimate) -> None:

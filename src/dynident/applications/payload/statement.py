@@ -14,6 +14,7 @@ from dynident.arrays import Array, BoolArray
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.residuals.quantiles import chi_square_tail, student_quantile
 from dynident.model.inertia import TEN, Inertia
+from dynident.model.robot import Robot
 
 #: By how much payloads of one mass differ: lever of the centre of mass and radius of gyration, in m.
 LENGTH = 0.1
@@ -26,6 +27,9 @@ FAR = 10.0
 
 #: Chance of a body as far from the ten by noise alone below which it is said.
 UNLIKELY = 0.001
+
+#: Words in the names of frames that a payload is often stated in; frames with one are offered first.
+FLANGES = ("tcp", "tool", "flange", "ee", "attachment")
 
 UNITS = (*["kg m^2"] * 6, *["kg m"] * 3, "kg")
 
@@ -91,8 +95,26 @@ def stated(found: PayloadFit, estimate: Estimate, flange: str, level: float, log
         level=level,
         residual={name: (float(without), float(with_it)) for name, without, with_it in pairs},
         logs=logs,
-        remarks=_remarks(found, estimate, parameters, distance),
+        remarks=(*_other_frames(found, robot, flange), *_remarks(found, estimate, parameters, distance)),
     )
+
+
+def _other_frames(found: PayloadFit, robot: Robot, flange: str) -> list[str]:
+    """Return which frames the robot model has on the last link, where the payload is stated in that for want of one."""
+    if flange or robot.tool:
+        return []
+    last = len(robot.links) - 1
+    own = [
+        name
+        for name, frame in robot.frames.items()
+        if frame.link == last and not (np.allclose(frame.rotation, np.eye(3)) and np.allclose(frame.translation, 0.0))
+    ]
+    if not own:
+        return []
+    own.sort(key=lambda name: not any(word in name.lower() for word in FLANGES))
+    named = f"{', '.join(own[:4])}{', ...' if len(own) > 4 else ''}"
+    text = f"stated in the frame of the last link, {robot.links[last].name}, which need not be the flange; "
+    return [f"{text}the robot model has these frames on it: {named} (--flange NAME)"]
 
 
 def _degrees(found: PayloadFit, total: Array) -> Array:
