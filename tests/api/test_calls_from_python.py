@@ -131,7 +131,15 @@ def test_without_the_extra(package: str, call: str, estimate: di.Estimate, monke
 
 WRONG: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
     (lambda log: log | {"q": log["q"].T}, SHAPES),
-    (lambda log: log | {"q": log["q"][:, :1]}, r"q: shape \(1200, 1\) where \(1200, 2\) is wanted"),
+    (
+        lambda log: log | {"q": log["q"][:, :1]},
+        r"q: shape \(1200, 1\) where \(1200, 2\) is wanted; give one column for each of the joints \w+, \w+; "
+        r"lock those that did not move.*: di\.robot_of\(robot\)\.locked\(\{\"\w+\": 0\.0\}\) as the robot$",
+    ),
+    (
+        lambda log: log | {"q": np.column_stack([log["q"]] * 2)},
+        r"q: shape \(1200, 4\) where \(1200, 2\) is wanted; give one column for each of the joints \w+, \w+$",
+    ),
     (
         lambda log: log | {"q": np.rad2deg(log["q"])},
         r"whose limit is .* rad; if it is in degrees write q = np\.deg2rad",

@@ -96,3 +96,14 @@ def test_a_log_that_is_named_twice_is_refused(capsys: Capture, tmp_path: Path) -
         assert main(["init", "generic-6r", *logs, "-o", case]) == 1
         assert "name each log once" in capsys.readouterr().err
     assert not Path(case).exists()
+
+
+def test_a_log_in_the_place_of_the_robot_model_is_told_as_one(capsys: Capture, tmp_path: Path) -> None:
+    log, case = write(tmp_path, "tau")
+    for command in (["init", log, "generic-6r", "-o", case], ["check", log, "generic-6r"], ["identify", log, log]):
+        assert main(command) == 1
+        told = capsys.readouterr().err
+        assert "a log by its ending, where a robot model is wanted; give the robot model or the case file first" in told
+    assert main(["init", f"{log}.csv", "generic-6r", "-o", case]) == 1
+    assert "no such file" in capsys.readouterr().err
+    assert main(["init", "generic-6r", log, "-o", case]) == 0

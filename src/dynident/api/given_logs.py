@@ -218,7 +218,7 @@ def _columns_of(signal: str, names: Sequence[str], robot: Robot | None) -> tuple
         called = [f"{word}_{name}" for name in robot.joint_names] if robot else []
         if robot and 0 < len(numbered) < robot.dof:
             lost = next(f"{word}{k}" for k in range(1, robot.dof + 1) if f"{word}{k}" not in names)
-            step = f'name it: frame.rename(columns={{"old": "{lost}"}})'
+            step = f'name it: frame.rename(columns={{"old": "{lost}"}}); or {_of_joints(robot, len(numbered))}'
             raise BadArgument("log", f"columns {', '.join(names[:12])}, and none is '{lost}'", step)
         for columns in (numbered, called):
             if columns and set(columns) <= set(names):
@@ -270,10 +270,23 @@ def _rows(name: str, values: Any, rows: int, robot: Robot | None) -> Array:
         array = array[:, None]
     n = str(robot.dof) if robot else "n"
     if array.ndim != 2 or len(array) != rows or (robot and array.shape[1] != robot.dof):
-        is_turned = array.ndim == 2 and array.shape[1] == rows
-        step = f"write {name}.T" if is_turned else "one row for each time, one column for each joint"
+        step = "one row for each time, one column for each joint"
+        if array.ndim == 2 and array.shape[1] == rows:
+            step = f"write {name}.T"
+        elif robot and array.ndim == 2 and len(array) == rows:
+            step = _of_joints(robot, array.shape[1])
         raise BadArgument(name, f"shape {array.shape} where ({rows}, {n}) is wanted", step)
     return array
+
+
+def _of_joints(robot: Robot, columns: int) -> str:
+    """Return what to do where a log has another number of columns than the robot has moving joints."""
+    joints = f"one column for each of the joints {', '.join(robot.joint_names)}"
+    if not 0 < columns < robot.dof:
+        return f"give {joints}"
+    held = ", ".join(f'"{name}": 0.0' for name in robot.joint_names[columns:])
+    call = f"di.robot_of(robot).locked({{{held}}})"
+    return f"give {joints}; lock those that did not move, where they stood (rad or m): {call} as the robot"
 
 
 def _hides(columns: Sequence[Any]) -> bool:

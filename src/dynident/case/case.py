@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dynident.case.acceptance import CRITERIA, Acceptance, acceptance_of
-from dynident.case.case_values import find_file, guarded, part_of, robot_named, texts
+from dynident.case.case_values import find_file, guarded, model_place, part_of, robot_named, texts
 from dynident.case.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.case.constraints_file import constraints_of
 from dynident.case.log_section import read_columns
@@ -199,7 +199,7 @@ class Case:
 
 def case_of_robot(path: str) -> Case:
     """Return the case that stands for a robot model alone: its joints, default friction and filter."""
-    robot = read_robot(path)
+    robot = read_robot(model_place(path))
     friction = tuple(FRICTION.make(name) for name in default_friction())
     return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing(), robot_path=path)
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.case.case_values import model_place
 from dynident.case.draft.case_text import Files, case_text
 from dynident.case.draft.column_groups import split_time
 from dynident.case.draft.command_topics import command_topics, recording
@@ -100,7 +101,7 @@ def draft_case(
         UnknownChoice: No such profile or format.
         BadOption: A profile that does not fit the columns, or is named beside a rate; a rate that is none.
     """
-    described = read_robot(robot)
+    described = read_robot(model_place(robot))
     train = (logs,) if isinstance(logs, str) else tuple(logs)
     if not train:
         raise BadOption("LOG", "", "name at least one log")

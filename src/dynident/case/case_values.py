@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
+from dynident.data.formats import FORMATS
 from dynident.errors import DescriptionError, DynidentError, FileError
 from dynident.files import expanded
 from dynident.model.documents.numbers import Place
@@ -126,3 +127,16 @@ def robot_named(top: Section, case: str) -> str:
         inner = section.section("arguments", tuple(map(str, values)))
         arguments = {str(name): inner.text(str(name)) for name in values}
     return with_arguments(str(find_robot(section.text("file"), case)), arguments)
+
+
+def model_place(path: str) -> str:
+    """Return where a robot model is.
+
+    Raises:
+        FileError: It is a log by its ending: robot model and log stand in the other order.
+    """
+    is_log = not path.lower().endswith(".json") and any(FORMATS.get(name).takes(path) for name in FORMATS.names())
+    if is_log and os.path.exists(path):
+        step = "give the robot model or the case file first, then the logs"
+        raise FileError(path, "a log by its ending, where a robot model is wanted", step)
+    return path
