@@ -182,3 +182,13 @@ def test_refusals(cell: Path, capsys: pytest.CaptureFixture[str], arguments: lis
     told = capsys.readouterr().err
     assert told.startswith("error: ") and text in told
     assert "gain: ask" in Path("case.yaml").read_text()
+
+
+def test_a_case_that_still_asks_for_a_gain_says_so(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    last = read_robot("generic-scara").joint_names[-1]
+    assert main(["gains", "case.yaml", "free.csv", "--prior-share", "0.4", "-o", "out.yaml"]) == 1
+    assert f"saved out.yaml; it asks for the gains of {last}; then: " in capsys.readouterr().err
+    assert (
+        main(["gains", "case.yaml", "--load", "loaded.csv", "--mass", "2", "--com", "0.05,0.02,-0.03", "-o", "b"]) == 0
+    )
+    assert "saved b; next: dynident identify b" in capsys.readouterr().err

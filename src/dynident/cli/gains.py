@@ -105,7 +105,9 @@ def run(options: argparse.Namespace) -> int:
         return 0 if found.complete else 1
     _show(found, section, options.output)
     if options.output:
-        console.remark(f"saved {options.output}; next: dynident identify {options.output}", options.quiet)
+        open_ = [gain.joint for gain in found.gains if not gain.known]
+        follow = f"it asks for the gains of {', '.join(open_)}; then" if open_ else "next"
+        console.remark(f"saved {options.output}; {follow}: dynident identify {options.output}", options.quiet)
     return 0 if found.complete else 1
 
 

@@ -60,6 +60,17 @@ def test_bodies_that_are_far_from_the_stated_ones_do_not_shrink_the_gains(spatia
         assert 0.5 < ratios.min() and ratios.max() < 2.0, ratios
 
 
+def test_a_share_that_leaves_no_verdict_is_told_with_one_that_gives_it(spatial_3r: Robot) -> None:
+    log = (arm := LoadedArm(spatial_3r, GAINS)).log(False, 0.05)
+    loose = gains_from_prior(arm.model, [log], share=0.3, preprocessing=GIVEN)
+    (told,) = loose.remarks
+    named = told.partition("(")[2].partition(")")[0].split(", ")
+    enough = float(told.partition("--prior-share ")[2].split()[0])
+    assert not loose.complete and named and 0.02 < enough < 0.3
+    better = gains_from_prior(arm.model, [log], share=enough, preprocessing=GIVEN)
+    assert set(named) <= set(better.by_joint()) and better.remarks == ()
+
+
 def another(link: Link, share: float, generator: np.random.Generator) -> np.ndarray:
     """Return the ten parameters of a link whose mass, centre and inertia are off by a share."""
     body = link.inertia

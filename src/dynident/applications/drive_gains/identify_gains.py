@@ -15,7 +15,7 @@ from dynident.applications.drive_gains.intervals import spread_of
 from dynident.applications.drive_gains.methods import METHODS, GainFit, fit_gains
 from dynident.applications.drive_gains.payload import CarriedBody
 from dynident.applications.drive_gains.unknowns import Unknowns, unknowns_with_payload, unknowns_with_prior
-from dynident.applications.drive_gains.verdicts import judged
+from dynident.applications.drive_gains.verdicts import judged, share_remark
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, default_preprocessing, preprocess
@@ -170,7 +170,7 @@ def gains_from_prior(
     unknowns = unknowns_with_prior(model, base, known, share)
     runs = _checked(model, (tuple(logs),))
     trusted = f"each link within {100 * share:g} % (std)" if share else "taken to be exact"
-    solve = _Solve(model, base, unknowns, preprocessing or default_preprocessing(), options, progress)
+    solve = _Solve(model, base, unknowns, preprocessing or default_preprocessing(), options, progress, share)
     return solve.gains(solve.prepared(runs), 0.0, f"known bodies, {trusted}", "bodies", lambda names, z: {})
 
 
@@ -204,6 +204,7 @@ class _Solve:
     how: Preprocessing
     options: GainOptions
     progress: Progress
+    prior_share: float = 0.0
 
     def prepared(self, runs: Runs) -> _PreparedRuns:
         """Return runs of logs whose torques are C' i, preprocessed, with the delay of the currents taken out."""
@@ -230,8 +231,9 @@ class _Solve:
         data, fit = self._fit(runs.logs)
         self.progress("intervals")
         spread = spread_of(data, fit, scale_share, self.options.level)
+        gains = judged(data, fit, spread, kind, self.options.current)
         return DriveGains(
-            gains=judged(data, fit, spread, kind, self.options.current),
+            gains=gains,
             method=self.options.method,
             scale=scale,
             level=self.options.level,
@@ -239,7 +241,7 @@ class _Solve:
             logs=tuple(tuple(each.log.name for each in run) for run in runs.logs),
             delays=runs.delays,
             found=tell(self.unknowns.names, fit.z),
-            remarks=self._remarks(),
+            remarks=(*self._remarks(), *share_remark(gains, spread, self.prior_share)),
             filter=runs.logs[0][0].statement(),
         )
 

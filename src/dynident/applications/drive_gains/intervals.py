@@ -28,12 +28,29 @@ class GainSpread:
         low: Lower end of each interval, shape (G,), in N m/A; -inf where there is none.
         high: Its upper end, shape (G,); inf where there is none.
         open: Which gains no row determines, whatever the noise, shape (G,).
+        half: Half the relative interval of each gain, shape (G,).
+        by_known: Part of the relative variance that is of what is known beforehand within a share, shape (G,).
     """
 
     covariance: Array
     low: Array
     high: Array
     open: BoolArray
+    half: Array
+    by_known: Array
+
+    def share_for(self, half: float) -> Array:
+        """Return by which factor a better knowledge beforehand makes each half interval so wide, (G,), to first order.
+
+        NaN where the logs alone leave it wider.
+        """
+        variance = np.diag(self.covariance)
+        told = ~self.open & (variance > 0) & (self.by_known > 0)
+        found = np.full(len(told), np.nan)
+        quantiles = self.half[told] / np.sqrt(variance[told])
+        room = (half / quantiles) ** 2 - (variance - self.by_known)[told]
+        found[told] = np.sqrt(np.where(room > 0, room, np.nan) / self.by_known[told])
+        return found
 
     @property
     def deviations(self) -> Array:
@@ -53,9 +70,9 @@ def spread_of(data: GainData, fit: GainFit, scale_share: float = 0.0, level: flo
     groups = len(data.groups)
     whole, open_ = _coordinates(data, fit)
     sure = np.flatnonzero(~open_)
-    covariance, degrees = np.zeros((groups, groups)), np.full(groups, np.inf)
+    covariance, degrees, by_known = np.zeros((groups, groups)), np.full(groups, np.inf), np.zeros(groups)
     if len(sure):
-        covariance[np.ix_(sure, sure)], degrees[sure] = _covariance(data, fit, whole, sure)
+        covariance[np.ix_(sure, sure)], degrees[sure], by_known[sure] = _covariance(data, fit, whole, sure)
     value = 1.0 / fit.gains if fit.rows.inverse else np.where(fit.gains == 0, 1e-100, fit.gains)
     covariance = covariance / value / value[:, None]  # relative errors of K and 1 / K differ by their sign alone
     noise = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * student_quantile(0.5 + 0.5 * level, degrees)
@@ -67,7 +84,8 @@ def spread_of(data: GainData, fit: GainFit, scale_share: float = 0.0, level: flo
     ends = np.sort(np.stack([fit.gains * near, fit.gains * far]), axis=0)
     endless = open_ | (half >= 1 if fit.rows.inverse else False)
     shared = np.where(np.outer(~open_, ~open_), covariance + scale_share**2, 0.0)
-    return GainSpread(shared, np.where(endless, -np.inf, ends[0]), np.where(endless, np.inf, ends[1]), open_)
+    ends = np.where(endless, np.array([[-np.inf], [np.inf]]), ends)
+    return GainSpread(shared, ends[0], ends[1], open_, half, by_known / value**2)
 
 
 def _coordinates(data: GainData, fit: GainFit) -> tuple[Array, BoolArray]:
@@ -87,8 +105,8 @@ def _coordinates(data: GainData, fit: GainFit) -> tuple[Array, BoolArray]:
     return kept @ turn / scale[:, None] / np.sqrt(np.maximum(squares, NULL**2 * squares[-1])), open_
 
 
-def _covariance(data: GainData, fit: GainFit, whole: Array, sure: IntArray) -> tuple[Array, Array]:
-    """Return the covariance of some of the gains' coordinates, and the degrees of freedom of each variance.
+def _covariance(data: GainData, fit: GainFit, whole: Array, sure: IntArray) -> tuple[Array, Array, Array]:
+    """Return the covariance of some of the gains' coordinates, each variance's degrees of freedom and its known part.
 
     Args:
         data: Reduced rows.
@@ -108,10 +126,10 @@ def _covariance(data: GainData, fit: GainFit, whole: Array, sure: IntArray) -> t
     found = uncertainty_of(_bands(data, fit, whole), residual, influence, asked)
     known = np.flatnonzero(np.isfinite(data.unknowns.deviations))
     if not len(known):
-        return found.covariance, found.degrees
+        return found.covariance, found.degrees, np.zeros(len(sure))
     lever = whole[sure] @ (whole[groups + known] / data.unknowns.deviations[known][:, None]).T
     found = found.with_prior(lever @ lever.T)
-    return found.covariance, found.degrees
+    return found.covariance, found.degrees, np.sum(lever**2, axis=1)
 
 
 def _bands(data: GainData, fit: GainFit, whole: Array) -> Iterator[Band]:

@@ -64,6 +64,21 @@ def judged(data: GainData, fit: GainFit, spread: GainSpread, scale: str, current
     return tuple(found)
 
 
+def share_remark(gains: tuple[DriveGain, ...], spread: GainSpread, share: float) -> tuple[str, ...]:
+    """Return the share of the bodies that would determine gains, where it is the share that leaves them open."""
+    factors = spread.share_for(LOOSE * (1.0 - LOOSE**2))  # a half interval h of 1 / K is one of h / (1 - h^2) of K
+    wide = {g.name: share * f for g, f in zip(gains, factors.tolist(), strict=True) if not g.known and f < 1.0}
+    if not wide:
+        return ()
+    digit = 10.0 ** np.floor(np.log10(min(wide.values())))
+    enough = digit * np.floor(min(wide.values()) / digit)  # rounded down: to first order alone
+    return (
+        f"bodies trusted within {100 * share:g} % leave intervals of more than {100 * LOOSE:.0f} % to either side "
+        f"({', '.join(wide)}): --prior-share {enough:.1g} determines them; state it only where the robot model is that "
+        "good, else use a known payload (--load)",
+    )
+
+
 def _width(half: float) -> str:
     if not np.isfinite(half):
         return "its interval has no end"
