@@ -54,6 +54,24 @@ def test_a_right_log_has_right_scales_and_says_which_it_does_not_know(trial: Tri
 
 
 @pytest.mark.parametrize(
+    ("robot", "times"),
+    [("er16", {1: 2.0, 2: 3.0}), pytest.param("generic-7r", {3: 7.0, 4: 7.0, 5: 7.0}, marks=pytest.mark.battery)],
+)
+def test_several_torques_in_other_scales_are_no_other_robot(
+    robot: str, times: dict[int, float], tmp_path: Path
+) -> None:
+    """Percent of rated torques, say: no joint alone explains the log, and the links are right."""
+    trial = virtual(read_case(robot))
+    columns = {key: values.copy() for key, values in trial.columns.items()}
+    columns["tau"][:, list(times)] *= list(times.values())
+    (error,) = warned(replace(trial, columns=columns), tmp_path)
+    names = [trial.case.robot.joint_names[k] for k in times]
+    assert (error.severity, error.name, error.joint) == ("error", "torque scales", ", ".join(names))
+    for name, factor in zip(names, times.values(), strict=True):
+        assert error.numbers[f"factor {name}"] == pytest.approx(1 / factor, rel=0.06)
+
+
+@pytest.mark.parametrize(
     ("joint", "times"),
     [
         pytest.param(0, 0.495, marks=pytest.mark.battery),

@@ -26,6 +26,7 @@ from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, 
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import RobotMisfit, robot_misfit
+from dynident.diagnosis.causes.several_scales import several_scales
 from dynident.diagnosis.causes.torque_scales import reading_of
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
@@ -79,6 +80,11 @@ class Readings(Check):
             if misfit.is_sure or misfit.is_suspected:  # positions of a joint that other columns explain in part
                 found = _confirmed(fit, feeds, POOR_OF_ANOTHER)
                 misfit = robot_misfit(fit, found[0][1].reading) if found else misfit
+        if misfit.is_sure or misfit.is_suspected:
+            several = _scaled(fit)
+            left = robot_misfit(fit, several[0][1].reading) if several else misfit
+            if not (left.is_sure or left.is_suspected):
+                found, misfit = several, left
         if misfit.is_sure or ((found or scale) and misfit.is_suspected):
             return [_another_robot(misfit, fit, "error")]
         if found:
@@ -162,6 +168,18 @@ def _confirmed(fit: QuickFit, feeds: BoolArray, poor: float) -> list[tuple[float
     """Return the best candidate and its rivals if what is found on half of the log holds on the other, else none."""
     found = _ranked(fit, _candidates(fit, feeds, poor))
     return found if found and predicts_unseen(fit, partial(_best_reading, poor=poor)) else []
+
+
+def _scaled(fit: QuickFit) -> list[tuple[float, Interpretation]]:
+    """Return the log with several torques in other scales if what is found on half of it holds on the other."""
+
+    def reading_of_half(learned: QuickFit) -> ReadRows | None:
+        scales = several_scales(learned)
+        return None if scales is None else scales.reading
+
+    whole = several_scales(fit)
+    found = [] if whole is None else _ranked(fit, [whole])
+    return found if found and predicts_unseen(fit, reading_of_half) else []
 
 
 def _best_reading(learned: QuickFit, poor: float) -> ReadRows | None:

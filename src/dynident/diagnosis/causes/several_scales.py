@@ -1,0 +1,102 @@
+"""Scales of several torques at once: rated torques, gains or gear ratios of some of the drives.
+
+One joint's scale is that of :mod:`.torque_scales`; where several are off, none of them alone explains the log. The log
+variances of all joints in their own scales are lowered by a pattern search (Hooke and Jeeves 1961), from the torques as
+they are and from the sizes that the robot model's masses ask for. A common factor is open: most joints keep theirs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.case.evidence.torques import EXPLAINED, scale_against
+from dynident.diagnosis.causes.column_readings import GAIN, GOOD, Interpretation
+from dynident.diagnosis.causes.held_out import ReadRows
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.torque_scales import FACTOR, PRECISION
+
+#: First step of the search in logarithms, and its most steps.
+STEP, STEPS = 1.0, 200
+
+
+def several_scales(fit: QuickFit) -> Interpretation | None:
+    """Return the log with the torques of two joints or more in other scales; None where that does not explain it."""
+    count = fit.model.robot.dof
+    found = min((_lowered(fit, start) for start in _starts(fit)), key=lambda x: float(_scores(fit, x[None])[0]))
+    scales = _as_few(fit, found)
+    moved = np.flatnonzero(np.abs(scales) > np.log(FACTOR))
+    before, after = _scores(fit, np.array([np.zeros(count), scales]))
+    if len(moved) < 2 or before - after < GAIN:
+        return None
+    mixing = np.diag(np.exp(scales))
+    deviations = np.sqrt(fit.variances(fit.shared, mixing[None])[0])
+    sizes = np.array([np.std(torque[mask]) for torque, mask in zip(fit.rows.torque.T, fit.rows.masks.T, strict=True)])
+    if np.any((deviations > GOOD * sizes * np.exp(scales))[moved]):
+        return None
+    joints = tuple(fit.model.robot.joint_names[k] for k in moved)
+    factors = ", ".join(f"{factor:.3g}" for factor in np.exp(scales[moved]))
+    evidence = f"with their torques multiplied by {factors}, against the other joints',"
+    remedy = (
+        "check units, gains and gear ratios of these drives: percent of rated torques differ by joint (log: units: "
+        "{torque: percent}; drives: {JOINT: {gain: ..., gear_ratio: ...}})"
+    )
+    numbers = {f"factor {name}": float(np.exp(scales[k])) for name, k in zip(joints, moved, strict=True)}
+    reading = ReadRows(fit.rows, mixing)
+    return Interpretation(
+        "torque scales", joints, float(before - after), evidence, remedy, reading, numbers, len(moved)
+    )
+
+
+def _scores(fit: QuickFit, scales: Array) -> Array:
+    """Return the sums of log variances with torques e^x times as large, each in its own scale; x of shape (m, n)."""
+    mixings = np.exp(scales)[:, :, None] * np.eye(scales.shape[1])
+    return np.log(fit.variances(fit.shared, mixings)).sum(axis=1) - 2.0 * scales.sum(axis=1)
+
+
+def _starts(fit: QuickFit) -> list[Array]:
+    """Return where the search begins: at the torques as they are, and at sizes like those of the robot model."""
+    count, nominal = fit.model.robot.dof, fit.model.nominal()
+    if nominal is None:
+        return [np.zeros(count)]
+    beta, ratios = fit.base.from_standard(nominal), np.full(count, np.nan)
+    for k, (block, own) in enumerate(zip(fit.rows.blocks, fit.rows.columns, strict=True)):
+        mask, is_friction = fit.rows.masks[:, k], fit.base.is_friction[own]
+        if not fit.moves[k]:
+            continue
+        friction = block[mask][:, is_friction]
+        pair = np.column_stack([block[mask] @ np.where(is_friction, 0.0, beta[own]), fit.rows.torque[mask, k]])
+        left = pair - friction @ np.linalg.lstsq(friction, pair, rcond=None)[0]
+        ratio, correlation = scale_against(*left.T)
+        ratios[k] = ratio if ratio > 0 and correlation**2 >= EXPLAINED else np.nan
+    known = np.isfinite(ratios)
+    if known.sum() < 2:
+        return [np.zeros(count)]
+    return [np.zeros(count), np.where(known, -np.log(np.where(known, ratios, 1.0)), -np.median(np.log(ratios[known])))]
+
+
+def _lowered(fit: QuickFit, start: Array) -> Array:
+    """Return the logarithms of the scales near a start whose score no step in one of them lowers, shape (n,)."""
+    best, step = start.copy(), STEP
+    least = float(_scores(fit, best[None])[0])
+    for _ in range(STEPS):
+        trials = best + step * np.concatenate([np.eye(len(best)), -np.eye(len(best))])
+        values = _scores(fit, trials)
+        if values.min() < least:
+            best, least = trials[int(np.argmin(values))], float(values.min())
+        elif step < PRECISION:
+            break
+        else:
+            step /= 2.0
+    return best
+
+
+def _as_few(fit: QuickFit, scales: Array) -> Array:
+    """Return scales (n,) with the common factor that most joints have taken out, and those that matter alone."""
+    near = np.abs(scales[:, None] - scales) < np.log(FACTOR)
+    kept = scales - np.median(scales[near[int(np.argmax(near.sum(axis=0)))]])
+    for k in np.argsort(np.abs(kept)):
+        without = np.where(np.arange(len(kept)) == k, 0.0, kept)
+        before, after = _scores(fit, np.array([without, kept]))
+        kept = without if before - after < GAIN else kept
+    return kept
