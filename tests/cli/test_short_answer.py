@@ -11,9 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynident.api.identify import identify
 from dynident.cli.main import main
 from dynident.data.formats import write_log
 from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
 from dynident.identification.estimate.plausibility import ContradictedBound, Plausibility
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.identification.problem.method_run import recorded_run
@@ -200,3 +203,21 @@ def test_an_inertia_outside_its_bounds_is_not_called_impossible(planar_2r: Robot
     placeholder = Inertia.from_centre_of_mass(3.6, last.inertia.centre_of_mass, np.eye(3))
     (large,) = nominal_lines(replace(planar_2r, links=(first, replace(last, inertia=placeholder))), facts)
     assert "too large for the mass, as a placeholder is: link2 (1.5 kg/m³ at equal density)" in large
+
+
+def test_the_mass_of_all_links_stands_with_what_the_data_say_of_it(
+    planar_2r: Robot, exact_log: Callable[..., Log]
+) -> None:
+    """A vertical slide at the base lifts them all; the base carries a part of the mass of an arm that turns."""
+    slides = tuple(replace(joint, kind="prismatic") for joint in planar_2r.joints)
+    for robot, is_told in ((planar_2r, False), (replace(planar_2r, joints=slides), True)):
+        model = DynamicModel(robot, (FRICTION.make("viscous"),))
+        assert robot.nominal is not None
+        log = exact_log(model, np.append(1.1 * robot.nominal, [0.3, 0.2]), noise=0.05)
+        estimate = identify(model, [log], "consistent", Preprocessing(AsGiven(), rest="keep"))
+        half, line = short_answer.total_mass_half_width(estimate), short_answer.bodies_line(estimate)
+        assert (half is not None) is is_told and ("kg in all (not determined by the data)" in line) is not is_told
+        if half is not None and estimate.theta is not None:
+            masses = np.array([estimate.theta[9:20:10].sum(), 1.1 * robot.nominal[9:20:10].sum()])
+            assert 0 < half < 0.1 * masses[1] and abs(masses[0] - masses[1]) < 2 * half
+            assert f"kg in all (± {half:.2g}, 95 %)" in line

@@ -11,7 +11,7 @@ from dynident.diagnosis.verdict import Verdict, causes_against, quality_of
 from dynident.identification.consistency.labels import IDENTIFIED, NOT_DETERMINED, ONLY_COMBINED, labels_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
-from dynident.identification.estimate.validation import Validation
+from dynident.identification.estimate.validation import Z_95, Validation
 from dynident.results.nominal import errors_table, link_changes, missing_reason
 from dynident.results.plausibility import plausibility_lines, plausible_words
 from dynident.results.text import (
@@ -26,6 +26,9 @@ from dynident.results.text import (
     total_error,
 )
 from dynident.results.verdict import headline, reason_of
+
+#: Share of a sum of parameters that base parameters may lack by rounding.
+_SUM = 1e-6
 
 #: Joints and warnings that one screen has room for.
 JOINTS, WARNINGS = 9, 4
@@ -87,12 +90,27 @@ def bodies_line(estimate: Estimate) -> str:
         return line
     told = [each for each in changes if each.mass_is != NOT_DETERMINED]
     totals = [sum(each.mass[k] for each in changes) for k in (0, 1)]
-    whole = f"{format_number(totals[1], 3)} kg in all, {format_number(totals[0], 3)} in the robot model"
+    half = total_mass_half_width(estimate)
+    known = "(not determined by the data)" if half is None else f"(± {format_number(half, 2)}, 95 %)"
+    whole = f"{format_number(totals[1], 3)} kg in all {known}, {format_number(totals[0], 3)} in the robot model"
     if not told:
         return f"{line}; {whole}"
     furthest = max(told, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
     before, after = (format_number(mass, 3) for mass in furthest.mass)
     return f"{line}; {whole}; furthest: {label(furthest.link)} {after} kg for {before} ({furthest.mass_is})"
+
+
+def total_mass_half_width(estimate: Estimate) -> float | None:
+    """Return half the 95 % interval of the mass of all links, in kg; None where no base parameters add up to it.
+
+    A fixed base carries the first links: the torques of most arms determine other sums of masses than that of all.
+    """
+    matrix, wanted = estimate.base.matrix, np.zeros(len(estimate.base.parameters))
+    wanted[9 : 10 * len(estimate.model.robot.links) : 10] = 1.0
+    weights = np.linalg.lstsq(matrix.T, wanted, rcond=None)[0]
+    if np.linalg.norm(matrix.T @ weights - wanted) > _SUM * np.linalg.norm(wanted):
+        return None
+    return float(Z_95 * np.sqrt(max(weights @ estimate.covariance @ weights, 0.0)))
 
 
 def parameters_line(estimate: Estimate) -> str:
