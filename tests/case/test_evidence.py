@@ -91,6 +91,15 @@ def test_the_draft_is_sure_of_radians_that_the_checks_do_not_take_for_degrees() 
     assert not position_unit(2 * turns, [FREE], "").certain
 
 
+def test_a_unit_in_the_header_stands_where_positions_leave_the_limits_a_little_and_no_other_unit_fits() -> None:
+    beyond = 0.5 + 2.0 * np.sin(TIME)[:, None]  # rad, of a joint from -1 to 2
+    told = position_unit(np.degrees(beyond), [JOINT], "deg")
+    assert told.certain and told.text == "deg" and "beyond the limits" in told.why
+    assert not position_unit(np.degrees(beyond), [JOINT], "rad").certain  # 57 times too far
+    assert not position_unit(np.degrees(10.0 * beyond), [JOINT], "deg").certain  # of no joint like this
+    assert not position_unit(np.degrees(beyond), [JOINT], "").certain
+
+
 @pytest.mark.parametrize(("ratio", "sure"), [(1.0, True), (2.4, True), (3.0, False), (0.3, False)])
 def test_the_draft_asks_for_a_stated_unit_of_torques_that_the_checks_warn_of(ratio: float, sure: bool) -> None:
     told = torque_unit([FREE], "N m", np.array([ratio]), [True], np.array([1.0]))

@@ -20,6 +20,10 @@ HEADER = "the header states"
 #: Positions of less span than this, in rad or m, and than this share of the limits say nothing about their unit.
 _TELLING, _SHARE = 0.05, 0.1
 
+#: How far positions in the unit that the header states may be beyond the middle of the limits, times what these allow:
+#: another unit would be at least 57 times off.
+_BEYOND = 2.0
+
 
 @dataclass(frozen=True)
 class SignalUnit:
@@ -72,6 +76,8 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
         said = stated if stated in fits else ""
         if said and fits[said]:
             word, sure, why = said, True, f"the header states {said}, and the limits of the joints agree"
+        elif said and not fits[si] and not fits[other] and _fits(q[:, mine] * _factor("position", said), own, _BEYOND):
+            word, sure, why = said, True, f"the header states {said}; values reach beyond the limits of the joints"
         elif fits[si] and not said and telling:
             word, sure = si, True
             why = f"within the limits as {si}; as {other} the largest motion would be {spans[mine].max():.3g} {other}"
@@ -142,7 +148,11 @@ def torque_unit(
     )
 
 
-def _fits(q: Array, joints: Sequence[Joint]) -> bool:
+def _fits(q: Array, joints: Sequence[Joint], times: float = 1.0) -> bool:
+    """Return whether positions may be those of joints whose limits are so many ``times`` as far from their middles."""
+    middles = np.array([(joint.limits.lower + joint.limits.upper) / 2 for joint in joints])
+    middles[~np.isfinite(middles)] = 0.0
+    q = middles + (q - middles) / times
     return all(map(is_plausible, joints, q.min(axis=0).tolist(), q.max(axis=0).tolist()))
 
 
