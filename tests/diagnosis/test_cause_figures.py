@@ -64,7 +64,7 @@ def test_a_bend_that_no_model_has_widens_the_interval_of_a_delay(tmp_path: Path)
     late = put.delayed(virtual(read_case("generic-6r")), 3.0)
     narrow, wide = (subject_of(trial, tmp_path) for trial in (late, bent(late)))
     assert narrow.trends is not None and wide.trends is not None
-    assert wide.trends.delay_std > 2 * narrow.trends.delay_std
+    assert wide.trends.delay[1] > 2 * narrow.trends.delay[1]
     (found,) = TorqueDelay().findings(wide)
     assert abs(found.numbers["delay_s"] - 3.0 * put.step_of(late)) < 1.96 * found.numbers["std_s"]
 

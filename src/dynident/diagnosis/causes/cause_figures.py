@@ -47,7 +47,7 @@ def figured(
             if number in others:
                 continue  # it was taken in later, and is told itself
             beside, fit = _about_their_bodies(rows, beside, again)
-            columns = errors.with_columns(_columns(rows, beside, fit, error))
+            columns = errors.with_columns(_columns(rows, beside, fit, error), np.sqrt(fit.variances))
             ((_, times),) = found.worths([(*others, number)])
             told_of = _figured(rival, fit, _places(rows, beside, k), columns.widening, times)
             rivals.append(replace(told_of, cause=beside[k]))
@@ -67,12 +67,12 @@ def _together(rows: CauseRows, blame: Blame, every: Sequence[Blame]) -> float:
     return float(np.sqrt(np.max(sums[0] / np.maximum(sums[1], 1e-300))))
 
 
-def std_beside(rows: CauseRows, causes: Sequence[Cause], more: Cause, error: ModelError) -> float:
-    """Return the standard deviation of the coefficient of one cause more, by errors of the model and noise."""
+def figure_beside(rows: CauseRows, causes: Sequence[Cause], more: Cause, error: ModelError) -> tuple[float, float]:
+    """Return the coefficient of one cause more and its standard deviation, by errors of the model and noise."""
     every = [*causes, more]
     solved = _fit(rows, every)
     widening = _errors(rows, every, solved, error).widening(-1, np.zeros(len(rows.blocks)))
-    return float(np.sqrt(solved.covariance[-1, -1] * widening))
+    return float(solved.beta[-1]), float(np.sqrt(solved.covariance[-1, -1] * widening))
 
 
 def _figured(
@@ -127,4 +127,5 @@ def _errors(rows: CauseRows, causes: Sequence[Cause], solved: Solved, error: Mod
     """Return the errors of the model that a fit with some causes has."""
     columns = _columns(rows, causes, solved, error)
     targets = np.where(rows.masks, rows.target, 0.0)[:: error.every] / np.sqrt(solved.variances)
-    return error.of_rows(columns, [target - own @ solved.beta for target, own in zip(targets.T, columns, strict=True)])
+    residuals = [target - own @ solved.beta for target, own in zip(targets.T, columns, strict=True)]
+    return error.of_rows(columns, residuals, np.sqrt(solved.variances))

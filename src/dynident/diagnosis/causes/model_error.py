@@ -6,6 +6,9 @@ small. At each joint it is taken as two normal random functions of the same vari
 and accelerations of all joints, one of its own, each over its standard deviation, with squared exponential covariances
 (Kennedy and O'Hagan 2001). The residual of each joint is these and white noise; both variances follow from two
 quadratic forms of it, with what the fit takes in counted (Rao 1971).
+
+Errors of the frames of the robot model show in no residual: bodies take in most of what they do. Theirs are those of
+parts that are made within general tolerances (:mod:`dynident.diagnosis.causes.frame_errors`).
 """
 
 from __future__ import annotations
@@ -36,10 +39,12 @@ class ModelError:
     Attributes:
         every: Rows of the fit from one of these to the next.
         covariances: Those at each joint, shape (N, N) each.
+        frames: Torques by an error of each axis of one standard deviation, shape (f, N, n); None where axes are right.
     """
 
     every: int
     covariances: Sequence[Array]
+    frames: Array | None = None
 
     @classmethod
     def of_fit(cls, fit: QuickFit) -> ModelError:
@@ -55,19 +60,23 @@ class ModelError:
         of_all = np.exp(-0.5 * np.sum(apart, axis=0) / joints)
         return cls(every, [0.5 * (of_all + np.exp(-0.5 * own)) for own in apart])
 
-    def of_rows(self, columns: Sequence[Array], residuals: Sequence[Array]) -> FitErrors:
+    def of_rows(
+        self, columns: Sequence[Array], residuals: Sequence[Array], deviations: Array | None = None
+    ) -> FitErrors:
         """Return the errors that such rows of a fit have.
 
         Args:
             columns: Columns of the fit at each joint over the deviation of its residual, rows that do not count zero,
                 shape (N, k) each.
             residuals: Over the same deviation, rows that do not count zero, shape (N,) each.
+            deviations: These, shape (n,); 1 without them.
         """
         root, variances = _root_of_inverse(columns), []
         for own, residual, covariance in zip(columns, residuals, self.covariances, strict=True):
             counts = np.any(own != 0.0, axis=1).astype(float)
             variances.append(_variances(own @ root, residual, counts, covariance * np.outer(counts, counts)))
-        return FitErrors(self, columns, root, tuple(variances))
+        deviations = np.ones(len(columns)) if deviations is None else deviations
+        return FitErrors(self, columns, root, tuple(variances), deviations)
 
 
 @dataclass(frozen=True)
@@ -79,16 +88,18 @@ class FitErrors:
         columns: Columns of the fit at each joint, as of :meth:`ModelError.of_rows`, shape (N, k) each.
         root: R with R R' the covariance of the coefficients for independent rows, shape (k, k).
         variances: Variances of error and noise at each joint, and the degrees of freedom behind that of the error.
+        deviations: Standard deviations of the residual that the columns are over, shape (n,).
     """
 
     model: ModelError
     columns: Sequence[Array]
     root: Array
     variances: tuple[tuple[float, float, float], ...]
+    deviations: Array
 
-    def with_columns(self, columns: Sequence[Array]) -> FitErrors:
-        """Return the same errors in the rows of a fit with other columns, shape (N, k) each."""
-        return replace(self, columns=columns, root=_root_of_inverse(columns))
+    def with_columns(self, columns: Sequence[Array], deviations: Array) -> FitErrors:
+        """Return the same errors in the rows of a fit with other columns, (N, k) each, over other deviations, (n,)."""
+        return replace(self, columns=columns, root=_root_of_inverse(columns), deviations=deviations)
 
     def widening(self, place: int, factors: Array) -> float:
         """Return the variance of a coefficient over that of independent rows.
@@ -101,10 +112,10 @@ class FitErrors:
             factors: How much the rows of each joint hang together, shape (n,).
         """
         with_error = together = independent = doubt = 0.0
-        for own, (error, noise, freedom), covariance, factor in zip(
-            self.columns, self.variances, self.model.covariances, factors, strict=True
+        influences = [own @ (self.root @ self.root[place]) for own in self.columns]
+        for influence, (error, noise, freedom), covariance, factor in zip(
+            influences, self.variances, self.model.covariances, factors, strict=True
         ):
-            influence = own @ self.root @ self.root[place]
             squares = float(influence @ influence) / self.model.every
             smooth = error * float(influence @ covariance @ influence)
             with_error += smooth + noise * squares * INDEPENDENT
@@ -113,6 +124,8 @@ class FitErrors:
             independent += squares
         if not independent:
             return 1.0  # the coefficient of a column of zeros
+        if self.model.frames is not None:
+            with_error += float(np.sum(np.tensordot(self.model.frames, np.stack(influences, 1) / self.deviations) ** 2))
         freedom = min(with_error**2 / max(doubt, 1e-300), MANY)
         student = float(student_quantile(0.975, freedom) / student_quantile(0.975, MANY))
         return max(with_error * student**2, together) / independent

@@ -29,8 +29,14 @@ FAR_CLOCK = 0.25
 #: Half-width of the interval of a figure as a share of it up to which it is a warning.
 NARROW = 0.5
 
+#: Standard deviations of its figure from which a cause is told beside another one, or against known bodies.
+TOLD = 2.0
+
 #: Standard deviations of half a 95 % interval.
 Z95 = 1.96
+
+#: Causes that are curves without one figure.
+CURVES = ("friction curve", "friction drift")
 
 #: Gives the scale of a joint's torque; None where that is not looked for.
 ScaleOf: TypeAlias = Callable[[str], JointScale | None]
@@ -40,9 +46,16 @@ def rival_findings(blame: Blame, fit: QuickFit, scale_of: ScaleOf = lambda joint
     """Return what is said of causes that explain about as well, each a note."""
     beside = f"{blame.cause.name}{f' ({blame.cause.joint})' * bool(blame.cause.joint)}"
     rivals = [believed(rival, scale_of) for rival in blame.rivals if rival.cause.name in _TEXTS]
-    found = [trend_finding(rival, fit) for rival in rivals if rival is not None]
+    sure = [rival for rival in rivals if rival is not None and (rival.cause.name in CURVES or sureness(rival) > TOLD)]
+    found = [trend_finding(rival, fit) for rival in sure]
     told = f"not distinguishable from {beside}: "
     return [replace(finding, severity="note", evidence=told + finding.evidence, beside=beside) for finding in found]
+
+
+def sureness(blame: Blame) -> float:
+    """Return how many deviations the coefficients of a cause are away from zero, all together, as a normal deviate."""
+    squares = float(blame.values @ np.linalg.solve(blame.covariance, blame.values))
+    return blame.score(float(np.sqrt(max(squares, 0.0) / len(blame.values))))
 
 
 def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | None:

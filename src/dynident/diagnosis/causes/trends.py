@@ -10,8 +10,9 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_columns import CauseRows
-from dynident.diagnosis.causes.cause_figures import figured, std_beside
+from dynident.diagnosis.causes.cause_figures import figure_beside, figured
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
+from dynident.diagnosis.causes.frame_errors import frame_errors
 from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.model_error import ModelError
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
@@ -60,11 +61,11 @@ class Trends:
         return self._search.blames()
 
     @cached_property
-    def delay_std(self) -> float:
-        """Standard deviation of a delay of the torque in s, errors of the model counted, beside these causes."""
+    def delay(self) -> tuple[float, float]:
+        """Delay of the torque in s that is left beside these causes, and its standard deviation by all errors."""
         slope = _cause("torque delay", "", -np.gradient(self._predicted, np.asarray(self._log.time), axis=0))
         causes = [blame.cause for blame in self.blames]
-        return std_beside(self._rows, causes, self._filtered([slope])[0], self._error)
+        return figure_beside(self._rows, causes, self._filtered([slope])[0], self._error)
 
     @cached_property
     def _rows(self) -> CauseRows:
@@ -74,7 +75,8 @@ class Trends:
 
     @cached_property
     def _error(self) -> ModelError:
-        return ModelError.of_fit(self.fit)
+        error = ModelError.of_fit(self.fit)
+        return replace(error, frames=frame_errors(self.fit, error.every))
 
     def _made_again(self, cause: Cause, beta: Array) -> Cause:
         """Return the clock or the lean of the base about bodies of other base parameters, shape (b,)."""
@@ -109,7 +111,8 @@ class Trends:
         clock = (clock - clock.mean()) / max(float(np.ptp(clock)), 1e-9)
         sign, q = np.tanh(self._speed / rest_speeds(self.fit.model.robot, WIDTH)), np.asarray(self._log.q)
         turn = (1.0 - sign**2) * (np.asarray(self._log.ddq) @ self._coupling.T)
-        load, told = np.abs(self._predicted), judged(self.fit.rows.masks)
+        load = np.abs(self.fit.regressor.predict(self._log, self._bodies(self.fit.plain.beta)))
+        told = judged(self.fit.rows.masks)
         for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
             if not told[i]:
                 continue
@@ -121,7 +124,9 @@ class Trends:
                 )
             speed = self._speed[:, i]
             size = np.abs(speed)
-            curves = (speed * size, sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i], size, turn[:, i])
+            flank = speed * (1.0 - sign[:, i] ** 2)  # of a sign that is wider or narrower
+            root, loaded = sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i]
+            curves = (speed * size, root, loaded, size, turn[:, i], flank)
             yield _cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
             yield Cause("torque scale", name, self._own_torque(i)[None], is_filtered=True)
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
@@ -133,6 +138,10 @@ class Trends:
     @cached_property
     def _predicted(self) -> Array:
         return self.fit.regressor.predict(self._log, self.fit.plain.beta)
+
+    def _bodies(self, beta: Array) -> Array:
+        """Return base parameters (b,) without friction."""
+        return np.where(self.fit.base.is_friction, 0.0, beta)
 
     def _at_joint(self, joint: int, values: Array) -> Array:
         """Return values (N,) as a torque of one joint, shape (N, n)."""
@@ -157,7 +166,7 @@ class Trends:
         wrong width would be taken for a wrong clock.
         """
         log, speed = self._log, 1.0 + CLOCK_STEP
-        beta = np.where(self.fit.base.is_friction, 0.0, beta)
+        beta = self._bodies(beta)
         faster = replace(log, dq=np.asarray(log.dq) * speed, ddq=np.asarray(log.ddq) * speed**2)
         slope = (self.fit.regressor.predict(faster, beta) - self.fit.regressor.predict(log, beta)) / CLOCK_STEP
         return _cause("time scale", "", slope)

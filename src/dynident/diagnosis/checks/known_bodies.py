@@ -11,14 +11,14 @@ import numpy as np
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import AgainstBodies, KnownBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.quick_fit import asks_inertia
-from dynident.diagnosis.causes.trend_findings import NARROW, TRENDS, Z95, believed, trend_finding
+from dynident.diagnosis.causes.trend_findings import NARROW, TOLD, TRENDS, Z95, believed, sureness, trend_finding
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
-#: figure, in which the errors of the known bodies count, from which it is one and from which it is told.
-MATTERS, SURE, TOLD = 0.1, 5.0, 2.0
+#: figure, in which the errors of the known bodies count, from which it is one.
+MATTERS, SURE = 0.1, 5.0
 
 
 @dataclass(frozen=True)
@@ -53,19 +53,14 @@ def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: st
         if (each.cause.name, each.cause.joint) not in told  # of which the free bodies give the better figure
         and each.cause.name not in subject.described
         and believed(each) is not None
-        and _sureness(each) > TOLD
+        and sureness(each) > TOLD
     ]
 
 
 def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: str) -> Finding:
     """Return what is said of a cause; ``better`` is the likelier one that the log does not tell it from."""
     found = _load(blame, against) if blame.cause.name == "load at the flange" else trend_finding(blame, against.fit)
-    if (
-        blame.cause.name == "torque scale"
-        and not blame.cause.joint
-        and blame.size > MATTERS
-        and _sureness(blame) > SURE
-    ):
+    if blame.cause.name == "torque scale" and not blame.cause.joint and blame.size > MATTERS and sureness(blame) > SURE:
         found = replace(found, severity="warning")  # known bodies take a part of a scale in: no residual tells it
     if better is None:
         return replace(found, evidence=words + found.evidence)
@@ -94,9 +89,3 @@ def _load(blame: Blame, against: AgainstBodies) -> Finding:
     severity: Severity = "warning" if heavy else "note"
     numbers = {"mass_kg": mass, "std_kg": deviation, "t": blame.certainty}
     return Finding(severity, "load at the flange", "", evidence, remedy, numbers)
-
-
-def _sureness(blame: Blame) -> float:
-    """Return how many deviations the coefficients of a cause are away from zero, all together, as a normal deviate."""
-    squares = float(blame.values @ np.linalg.solve(blame.covariance, blame.values))
-    return blame.score(float(np.sqrt(max(squares, 0.0) / len(blame.values))))

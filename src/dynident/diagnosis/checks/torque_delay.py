@@ -27,8 +27,7 @@ class TorqueDelay(Check):
         fit, delay, stated = subject.fit, subject.delay, subject.case.preprocessing.delay_s
         if fit is None or delay is None or not delay.applied:
             return []
-        std = max(delay.std, subject.trends.delay_std if subject.trends else 0.0)
-        away = delay.seconds - (stated or 0.0)
+        std, away = delay.std, delay.seconds - (stated or 0.0)
         slope = np.gradient(fit.rows.torque, np.asarray(fit.rows.prepared.kept.time), axis=0)
         harm = abs(away) * float(np.median(slope.std(axis=0) / np.maximum(fit.rows.torque.std(axis=0), 1e-12)))
         samples = f", {delay.seconds * subject.sound.log.rate:.2f} samples" * (subject.pooled is None)  # rates differ
