@@ -138,6 +138,24 @@ def test_ctrl_c_shows_what_is_done(capsys: Capture, monkeypatch: pytest.MonkeyPa
     assert said.endswith("stopped: 1 of 3 methods done\n") and not Path("none.html").exists()
 
 
+def test_each_method_is_told_as_it_ends_and_quick_ones_come_first(capsys: Capture) -> None:
+    assert main(["compare", "case.yaml", "--estimators", "wls,ols", "--no-check"]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    told = [
+        line.split(": test error")[0].strip() for line in lines if re.search(r": test error [\d.]+ %, [\d.]+ s$", line)
+    ]
+    assert told == ["wls", "ols"]
+    assert lines.index("  ols (2 of 2)") > next(k for k, line in enumerate(lines) if line.startswith("  wls: test"))
+    assert main(["compare", "case.yaml", "--estimators", "wls", "--no-check", "--quiet"]) == 0
+    assert capsys.readouterr().err == ""
+    case = read_case("case.yaml")
+    quick, every = ([method.label for method in methods_of(case, word)] for word in ("quick", "all"))
+    searches, simulated = {"abc", "de", "ga", "pso"}, {"clie", "cloe", "didim", "iv", "kalman"}
+    assert set(every) == set(ESTIMATORS.names()) and every[: len(quick)] == quick
+    assert set(every[-4:]) == searches and set(every[-9:-4]) == simulated and not {*quick} & (searches | simulated)
+    assert {"wls", "ols", "consistent"} < set(quick[:5])
+
+
 def test_names_and_options_are_told_apart() -> None:
     assert split_names("wls, huber:bound=2,abc:lower=-1,-2,.5:seed=1,ols") == [
         "wls",
@@ -148,7 +166,7 @@ def test_names_and_options_are_told_apart() -> None:
     assert split_names("tls:exact=[a,b],wls") == ["tls:exact=[a,b]", "wls"]
     case = read_case("case.yaml")
     found = {method.label: method.part for method in methods_of(case, "all,huber:bound=3,wls", seed=5)}
-    assert list(found) == [*ESTIMATORS.names(), "huber:bound=3"]
+    assert list(found)[-1] == "huber:bound=3" and sorted(list(found)[:-1]) == sorted(ESTIMATORS.names())
     assert found["wls"] == WLS() and found["huber"] == ESTIMATORS.make("huber", {"bound": 2.0})  # as the case states
     assert found["huber:bound=3"] == ESTIMATORS.make("huber", {"bound": 3.0})
     assert found["abc"] == ESTIMATORS.make("abc", {"seed": 5})

@@ -14,6 +14,7 @@ from dynident.diagnosis.verdict import errors_in
 from dynident.errors import BadArgument, BadOption
 from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.search.box_search import BoxSearch
 from dynident.studies.comparison.compare import compare as compare_methods
 from dynident.studies.comparison.compare import contest_of
 from dynident.studies.comparison.contest import Contest, Method, Outcome
@@ -85,7 +86,8 @@ def contest_of_case(
 def methods_of(case: Case, text: str, seed: int | None = None) -> list[Method]:
     """Return the methods that a text names, each once, in its order.
 
-    Names are separated by commas; ``all`` is the whole family. Options follow as ``:key=value``; a comma within a value
+    Names are separated by commas; ``all`` is the whole family, those that solve at once first, those that simulate or
+    search a box last; ``quick`` leaves these out. Options follow as ``:key=value``; a comma within a value
     stands before no letter, or in brackets. Options of the case's own estimator hold for its name.
 
     Args:
@@ -101,7 +103,7 @@ def methods_of(case: Case, text: str, seed: int | None = None) -> list[Method]:
         raise BadOption("--seed", seed, "give 0 or more")
     found: dict[str, Method] = {}
     for written in split_names(text):
-        for label in ESTIMATORS.names() if written == "all" else (written,):
+        for label in SETS[written]() if written in SETS else (written,):
             name, *settings = cut(label, ":")
             if not name:
                 raise BadOption("--estimators", text, "write names with commas between them, such as wls,consistent")
@@ -116,6 +118,25 @@ def methods_of(case: Case, text: str, seed: int | None = None) -> list[Method]:
                 settings[:0] = [f"{key}={value}" for key, value in ESTIMATORS.get(name).contest_options.items()]
             found.setdefault(label, Method(label, estimator_of(case, name, settings)))
     return list(found.values())
+
+
+def _work_of(name: str) -> int:
+    """Return how much work an estimator is: 0 from QR factors, 1 with the rows, 2 with simulations, 3 with a search."""
+    part = ESTIMATORS.get(name)
+    if issubclass(part, BoxSearch):
+        return 3
+    return 2 if ".simulated." in part.__module__ else int(not part.from_triangles)
+
+
+def _by_work() -> list[str]:
+    return sorted(ESTIMATORS.names(), key=_work_of)
+
+
+#: Words for several estimators.
+SETS: dict[str, Callable[[], list[str]]] = {
+    "all": _by_work,
+    "quick": lambda: [name for name in _by_work() if _work_of(name) < 2],
+}
 
 
 def split_names(text: str) -> list[str]:

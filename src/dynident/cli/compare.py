@@ -2,8 +2,10 @@
 
 Logs are read, preprocessed and compressed to QR factors once; each estimator starts from there with its default
 options, or with those that are named. The order is that of the error on the test logs. A method that fails is a line
-of the table with its reason. Ctrl-C shows what is done. The log checks look at the training logs first: the exit code
-is 4 after a finding at error level, which stands above the table.
+of the table with its reason. Each is told as it ends: of all, first those that solve at once, last those that
+simulate or search a box, which take most of the time ('quick' leaves them out). Ctrl-C shows the table of those that
+are done. The log checks look at the training logs first: the exit code is 4 after a finding at error level, which
+stands above the table.
 
   dynident compare case.yaml                            all estimators; test part as in the case file
   dynident compare case.yaml a.csv --test b.csv --estimators wls,consistent,huber,huber:bound=2
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 
     from dynident.api.case_logs import CaseData
     from dynident.case.case import Case
+    from dynident.cli.console import Progress
     from dynident.studies.comparison.contest import Contest, Method, Outcome
 
 SUMMARY = "many estimators on one problem, by their error on unseen logs"
@@ -51,7 +54,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--estimators",
         default="all",
         metavar="NAMES",
-        help="all (default), or names with commas between them; options behind a name as NAME:KEY=VALUE:KEY=VALUE",
+        help="all (default), quick (without those that simulate or search a box), or names with commas between them; "
+        "options behind a name as NAME:KEY=VALUE:KEY=VALUE",
     )
     method.add_argument("--seed", type=int, metavar="N", help="seed of the methods that are random; default: their own")
     method.add_argument("--time-limit", type=float, metavar="S", help="wall-clock time of a method; it fails after it")
@@ -99,7 +103,7 @@ def run(options: argparse.Namespace) -> int:
         quality = [] if options.no_check else check_logs(case, data.train, progress.step)
         refuse_faulty(quality)
         contest = contest_of_case(case, data, truth=options.truth, progress=progress.step)
-        stopped = _solve(contest, methods, options, progress.step, outcomes)
+        stopped = _solve(contest, methods, options, progress, outcomes)
         table = ranked(outcomes)
         if options.report and not stopped:
             progress.step("writing the report")
@@ -119,15 +123,23 @@ def run(options: argparse.Namespace) -> int:
     return verdict.code
 
 
-def _solve(contest: Contest, methods: Sequence[Method], options: Any, step: Any, outcomes: list[Outcome]) -> bool:
+def _solve(
+    contest: Contest, methods: Sequence[Method], options: Any, progress: Progress, outcomes: list[Outcome]
+) -> bool:
     """Fill in the outcomes as they come; return whether the user has broken it off."""
+    from dynident.results.text import format_number
     from dynident.studies.comparison.compare import compare
+    from dynident.studies.comparison.comparison_view import percent
 
+    of = "test error" if contest.tests else "training error"
     try:
-        step("weighted least squares, the reference")
+        progress.step("weighted least squares, the reference")
         _ = contest.least
-        for outcome in compare(contest, methods, time_limit=options.time_limit, jobs=options.jobs, progress=step):
+        limit, jobs = options.time_limit, options.jobs
+        for outcome in compare(contest, methods, time_limit=limit, jobs=jobs, progress=progress.step):
             outcomes.append(outcome)
+            told = f"{of} {percent(outcome.figure)}" if outcome.estimate is not None else outcome.failure
+            progress.line(f"{outcome.method}: {told}, {format_number(outcome.seconds, 2)} s")
     except KeyboardInterrupt:
         return True
     return False

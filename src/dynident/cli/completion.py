@@ -31,7 +31,7 @@ _PARTS = {
 }
 
 #: Words that an option takes besides the names of its family.
-_WORDS = {"--friction": ("auto",), "--estimators": ("all",), "--cutoff": ("auto",), "--rate": ("all", "auto"),
+_WORDS = {"--friction": ("auto",), "--estimators": ("all", "quick"), "--cutoff": ("auto",), "--rate": ("all", "auto"),
           "--delay": ("auto",)}  # fmt: skip
 
 #: Commands whose first argument may be the name of a robot that ships.

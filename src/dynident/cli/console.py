@@ -156,6 +156,13 @@ class Progress:
         if self._bar is None and not self._quiet:
             _say(f"  {text}", sys.stderr)
 
+    def line(self, text: str) -> None:
+        """Print a line that stays, above the bar where there is one."""
+        if self._bar is not None:
+            self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        elif not self._quiet:
+            _say(f"  {text}", sys.stderr)
+
     def reach(self, share: float) -> None:
         """Say which share of the whole is done, between 0 and 1; the bar shows the time left by it."""
         if self._bar is not None:
