@@ -566,11 +566,13 @@ def test_what_is_no_log_is_refused(arm: str, motion: dict[str, Array], tmp_path:
     (tmp_path / "header.csv").write_text("t,q1,tau1\n")
     (tmp_path / "text.csv").write_text("hello world\nthis is\nno log\n")
     one = write_log(tmp_path / "one.csv", {k: v[:1] for k, v in numbered(motion).items()})
+    back = write_log(tmp_path / "back.csv", {k: v[40:0:-1] for k, v in numbered(motion).items()})
     for name, words in (
         ("empty.csv", "the file is empty"),
         ("header.csv", "a header and no rows"),
         ("text.csv", "which is not a number"),
-        (one, "only 1 rows that can be used"),
+        (one, "only 1 rows that can be used; an"),
+        (back, "only 1 rows that can be used; time repeats or runs back in 39 rows; sort the rows"),
         ("none.bag2", "no log format has the suffix"),
     ):
         with pytest.raises(LogFormatError, match=words):

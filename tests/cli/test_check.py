@@ -16,6 +16,7 @@ from benchmarks.faults import injections as put
 from benchmarks.faults.trials import virtual
 
 from dynident.case.case import read_case
+from dynident.case.case_draft import draft_case
 from dynident.cli import check
 from dynident.cli.main import main
 from dynident.data.formats import read_log
@@ -56,6 +57,37 @@ def test_faults_of_the_file_are_told_and_fixed(tmp_path: Path, capsys: pytest.Ca
     mended = read_log(out)
     assert np.array_equal(mended.time, values[:, 0])
     assert np.allclose(mended.q, values[:, 1:5], atol=1e-8)
+
+
+def test_rows_exchanged_far_apart_are_sorted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, out = tmp_path / "run.csv", tmp_path / "mended.csv"
+    values = recorded(log)
+    lines = log.read_text(encoding="utf-8").splitlines()
+    lines[100], lines[900] = lines[900], lines[100]
+    log.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert main(["check", "generic-scara", str(log), "--fix", str(out), "--quiet"]) == 1
+    assert f"{out}: rows sorted by time, 2 of them out of order" in capsys.readouterr().out
+    assert np.array_equal(read_log(out).time, values[:, 0])
+    drafted = draft_case("generic-scara", str(log), tmp_path)
+    assert any("2 of 1200 rows are out of order" in told and "sorts them" in told for told in drafted.remarks)
+
+
+def test_what_no_safe_repair_mends_is_told_before_anything_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, out = tmp_path / "run.csv", tmp_path / "mended.csv"
+    recorded(log)
+    lines = log.read_text(encoding="utf-8").splitlines()
+    log.write_text("\n".join([*lines, *lines[1:400]]) + "\n", encoding="utf-8")  # the clock starts again
+    assert main(["check", "generic-scara", str(log), "--fix", str(out), "--quiet"]) == 1
+    told = capsys.readouterr()
+    assert "error: time runs back" in told.out
+    assert f"{log}: no safe repair makes it a sound log: time runs back, first in line 1202" in told.err
+    assert str(out) not in told.err and not out.exists()
+    drafted = draft_case("generic-scara", str(log), tmp_path)
+    assert any("split the log" in told for told in drafted.remarks) and "--fix" not in " ".join(drafted.remarks)
+    assert main(["check", "generic-scara", str(log), "--fix", str(tmp_path / "mended"), "--quiet"]) == 1
+    assert "end the name in the suffix of its format: .csv" in capsys.readouterr().err
 
 
 def test_a_mended_text_has_the_names_and_units_of_the_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,6 +22,7 @@ from benchmarks.faults.matrix import joint_of, naming
 from benchmarks.faults.trials import Trial, subject_of, virtual
 
 from dynident.case.case import Case
+from dynident.case.evidence.rows import out_of_order, sortable
 from dynident.data.formats import ColumnMap
 from dynident.data.log import smallest_step
 from dynident.data.preprocessing import default_preprocessing
@@ -36,7 +37,7 @@ from dynident.diagnosis.checks.saturation import flat_share, limit_share
 from dynident.diagnosis.examination import examine, examine_recordings
 from dynident.diagnosis.finding import SEVERITIES
 from dynident.diagnosis.recording import read_recording
-from dynident.diagnosis.repair import repair, sortable, wraps
+from dynident.diagnosis.repair import repair, wraps
 from dynident.model.friction import FRICTION, default_friction
 from dynident.model.friction.warm_up import WarmUp
 from dynident.model.inertia import Inertia
@@ -414,6 +415,15 @@ def test_sorting_is_for_rows_out_of_order_only() -> None:
         assert not sortable(np.concatenate([time[:500], time[500:] - back]))
     late = np.concatenate([time[:500], time[505:520], time[500:505], time[520:]])  # five messages that arrived late
     assert sortable(late)
+    assert np.flatnonzero(out_of_order(late)).tolist() == [515, 516, 517, 518, 519]
+    far = time.copy()
+    far[[100, 700]] = far[[700, 100]]  # two rows out of order, though 600 are earlier than one before them
+    assert np.flatnonzero(out_of_order(far)).tolist() == [100, 700] and sortable(far)
+    assert not out_of_order(time).any()
+    stamped, values = np.insert(time, 100, time[700]), np.insert(np.sin(time), 100, np.sin(time[700]))
+    assert sortable(stamped, [values])  # a message sent twice
+    values[100] += 1.0
+    assert not sortable(stamped, [values])
 
 
 def test_a_torque_beyond_the_described_limit_is_not_at_it() -> None:

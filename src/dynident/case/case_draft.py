@@ -262,9 +262,8 @@ def _is_table(table: LogTable) -> bool:
 
 
 def _remarks(found: Recognised) -> list[str]:
-    remarks = [note for reading in found.readings for note in reading.notes]
-    step = "'dynident check' with this case names the rows, and its --fix OUT repairs what is safe"
-    remarks = [f"{note}: {step}" for note in dict.fromkeys(remarks)]
+    noted = [pair for reading in found.readings for pair in zip(reading.notes, reading.remedies, strict=True)]
+    remarks = [f"{note}: {step}" for note, step in dict.fromkeys(noted)]
     for reading in found.readings:
         gap = long_gap(reading.time * found.to_seconds)
         if gap:

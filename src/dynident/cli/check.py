@@ -57,19 +57,19 @@ def run(options: argparse.Namespace) -> int:
     if options.fix:
         if len(names) != 1:
             raise BadOption("--fix", options.fix, "name one log on the command line: one log is written")
+        _check_fix(options.fix)
         check_place(options.fix)
         check_outputs((options.fix,), (options.case, *case.files, *(case.find(name) for name in names)))
     earlier = _earlier(case, options.against)
     with console.progress(len(names), options.quiet or options.json) as progress:
         found = examine_logs(case, names, earlier, progress.step)
-    mends = _fixed(case, found[0], options.fix) if options.fix else None
+    for examination in () if options.json else found:
+        show(examination)
+    mends = _fixed(found[0], options.fix) if options.fix else None
     if options.json:
         console.answer_json(_figures(case, found, mends))
-    else:
-        for examination in found:
-            show(examination)
-        for mend in mends or ():
-            console.answer(f"{options.fix}: {mend}")
+    for mend in () if options.json else mends or ():
+        console.answer(f"{options.fix}: {mend}")
     return 0 if all(examination.sound for examination in found) else 1
 
 
@@ -89,7 +89,19 @@ def _earlier(case: Case, name: str | None) -> Estimate | None:
     return found
 
 
-def _fixed(case: Case, examination: Examination, out: str) -> tuple[str, ...]:
+def _check_fix(out: str) -> None:
+    """Refuse a name whose suffix states no format that logs are written in."""
+    from dynident.data.formats import FORMATS
+    from dynident.data.formats.base import LogFormat
+    from dynident.errors import BadOption
+
+    written = [kind for kind in map(FORMATS.get, FORMATS.names()) if kind.write is not LogFormat.write]
+    suffixes = [suffix for kind in written for suffix in kind.suffixes]
+    if not out.lower().endswith(tuple(suffixes)):
+        raise BadOption("--fix", out, f"end the name in the suffix of its format: {', '.join(suffixes)}")
+
+
+def _fixed(examination: Examination, out: str) -> tuple[str, ...]:
     """Write the repaired log, and return the repairs and how it is read."""
     from dynident.diagnosis.repaired_file import write_repaired
     from dynident.errors import LogMismatch

@@ -8,20 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.case.evidence.rows import same_as_before
+from dynident.case.evidence.rows import MOST_LOST, out_of_order, same_as_before, sortable
 from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn
 from dynident.diagnosis.recording import Recording
 from dynident.model.robot import Robot
-
-#: Rows with a value that is not finite are left out up to this share; above it a recording is not repaired.
-MOST_LOST = 0.05
-
-#: Rows within so many usual steps of a row are looked at, and how many times as many as usual are two recordings.
-NEAR, CROWDED = 2.5, 1.5
-
-#: A sorted log whose rows were only out of order has no step shorter than this share of the median one.
-SHORTEST_STEP = 0.2
 
 
 @dataclass(frozen=True)
@@ -51,9 +42,10 @@ def repair(recording: Recording, robot: Robot) -> Repaired:
     if repeated.any():
         recording = recording.kept(~repeated, "repeated rows left out")
         repairs.append(f"{_rows(repeated.sum(), 'repeated ')} left out")
-    moved = out_of_order(recording.log.time)
-    if moved and sortable(recording.log.time):
-        recording = recording.kept(np.argsort(recording.log.time, kind="stable"), "rows sorted by time")
+    log = recording.log
+    moved = np.count_nonzero(out_of_order(log.time)) if np.isfinite(log.time).all() else 0
+    if moved and sortable(log.time, list(log.signals().values())):
+        recording = recording.kept(np.argsort(log.time, kind="stable"), "rows sorted by time")
         repairs.append(f"rows sorted by time, {moved} of them out of order")
         again = repeated_rows(recording.log)
         if again.any():
@@ -83,29 +75,6 @@ def broken_rows(log: Log) -> BoolArray:
 def repeated_rows(log: Log) -> BoolArray:
     """Return which rows have time and values of the row before, shape (N,)."""
     return same_as_before([log.time, *log.signals().values()])
-
-
-def out_of_order(time: Array) -> int:
-    """Return how many rows are earlier than one before them."""
-    return int(np.count_nonzero(time < np.maximum.accumulate(time)))
-
-
-def sortable(time: Array) -> bool:
-    """Return whether rows are merely out of order: sorted, they are one recording and not two laid together.
-
-    A clock that was set back runs through the same time twice: there rows stand twice as close as elsewhere.
-    """
-    if not np.isfinite(time).all():
-        return False
-    in_order, moved = np.sort(time), time[time < np.maximum.accumulate(time)]
-    steps, forward = np.diff(in_order), np.diff(time)
-    steps, forward = steps[steps > 0], forward[forward > 0]
-    if not len(forward) or len(moved) > MOST_LOST * len(time):
-        return False
-    usual = float(np.median(forward))
-    first, last = (np.searchsorted(in_order, moved + side * NEAR * usual) for side in (-1, 1))
-    crowded = bool(len(moved)) and np.median(last - first) > CROWDED * 2 * NEAR
-    return bool(steps.min() >= SHORTEST_STEP * usual) and not crowded
 
 
 def wraps(log: Log, robot: Robot) -> dict[str, int]:

@@ -11,13 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.case.evidence.rows import MOST_LOST
 from dynident.data.formats import read_log, write_log, written_columns
 from dynident.data.formats._text_header import ENCODING, cells_of
 from dynident.data.formats._text_table import TextTable
 from dynident.data.formats._units import converted
 from dynident.data.formats.csv import Csv
-from dynident.diagnosis.repair import Repaired
-from dynident.errors import DynidentError
+from dynident.diagnosis.recording import Recording
+from dynident.diagnosis.repair import Repaired, broken_rows
+from dynident.errors import DynidentError, LogMismatch
 from dynident.files import write_atomically
 
 
@@ -33,9 +35,11 @@ def write_repaired(repaired: Repaired, out: str) -> str:
 
     Raises:
         FileError: The file cannot be written.
+        LogMismatch: The log has faults that no safe repair removes; no file is written then.
         LogFormatError: What was written cannot be read back; no file is left then.
     """
     recording = repaired.recording
+    _check_sound(recording)
     as_it_was = _is_text(repaired) and Csv.takes(out)
     columns = recording.columns if as_it_was else written_columns(recording.log)
     if as_it_was:
@@ -50,6 +54,25 @@ def write_repaired(repaired: Repaired, out: str) -> str:
     if as_it_was:
         return "names and units are those of the log, so the case reads it in place of the log"
     return "it is in SI units under t, q1, ...; a case that reads it needs no units, columns and gains"
+
+
+def _check_sound(recording: Recording) -> None:
+    """Refuse a log that no reader would take after its repairs."""
+    log = recording.log
+    broken, steps = broken_rows(log), np.diff(log.time)
+    if broken.any():
+        what, sample = f"{broken.sum()} of {log.samples} rows hold values that are not finite", int(np.argmax(broken))
+        step = f"more than {MOST_LOST:.0%} of the rows are not left out: repair the recording"
+    elif (steps < 0).any():
+        what, sample = "time runs back", int(np.argmax(steps < 0)) + 1
+        step = "sorting would mix two recordings: split the file there into separate logs"
+    elif (steps == 0).any():
+        what, sample = "a row has the time of the row before and other values", int(np.argmax(steps == 0)) + 1
+        step = "write the time with more digits, or keep one of two publishers of the signal"
+    else:
+        return
+    evidence = f"no safe repair makes it a sound log: {what}, first in {recording.place(sample)}; nothing was written"
+    raise LogMismatch(log.name, evidence, step)
 
 
 def _is_text(repaired: Repaired) -> bool:

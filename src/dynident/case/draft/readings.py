@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.evidence.positions import STILL, travel
-from dynident.case.evidence.rows import same_as_before
+from dynident.case.evidence.rows import MOST_LOST, out_of_order, same_as_before, sortable
 from dynident.data.formats import LogFormat, LogTable, open_log
 from dynident.data.formats._table import MIN_SAMPLES
 from dynident.data.preprocessing import longest_step
@@ -31,6 +31,9 @@ BAND_SHARE = 0.999
 #: Travel, as a share of the largest in a log, below which a joint only sways, or its encoder is coarse.
 SWAYS = 0.005
 
+#: What names faulty rows, and what repairs those that are safe to repair.
+_NAMED, _FIXED = "'dynident check' with this case names the rows", "its --fix OUT.csv"
+
 
 @dataclass(frozen=True)
 class LogReading:
@@ -42,6 +45,7 @@ class LogReading:
         signals: Values by signal, each (N, k).
         rows: Rows that were read.
         notes: What is wrong with it, in words.
+        remedies: What to do about each note.
         is_head: Whether the file has more rows.
         repeated: Rows that repeat the row before them.
         episodes: Recordings that the file holds; the first of them is read.
@@ -52,6 +56,7 @@ class LogReading:
     signals: Mapping[str, Array]
     rows: int
     notes: tuple[str, ...] = ()
+    remedies: tuple[str, ...] = ()
     is_head: bool = False
     repeated: int = 0
     episodes: int = 1
@@ -95,27 +100,47 @@ def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) 
             step = "all logs of one case have the same columns; make a case for each kind of log"
             raise LogFormatError(table.path, table.line, f"no column '{name}' as in the first log", step)
     values, is_head = _head(table, names)
-    rows, notes = len(values), list[str]()
+    rows = len(values)
     parts = episode_rows(values[:, names.index(EPISODE)]) if EPISODE in names else [slice(None)]
-    values = values[parts[0]]
-    sound = np.isfinite(values).all(axis=1)
-    if not sound.all():
-        notes.append(f"{np.count_nonzero(~sound)} of {rows} rows hold values that are not finite")
-    stamps = np.where(sound, values[:, 0], -np.inf)
-    latest = np.maximum.accumulate(np.concatenate([[-np.inf], stamps[:-1]]))
-    forward = sound & (values[:, 0] > latest)
-    same = same_as_before([values])
-    if np.count_nonzero(sound & ~forward & ~same):
-        notes.append(f"time repeats or runs back in {np.count_nonzero(sound & ~forward & ~same)} rows")
-    values = values[forward]
+    sound, notes = _sound(values[parts[0]], rows)
+    same = same_as_before([sound])
+    forward = sound[:, 0] > np.maximum.accumulate(np.concatenate([[-np.inf], sound[:, 0]]))[:-1]
+    behind = int(np.count_nonzero(~forward & ~same))
+    if behind:
+        step = f"{_NAMED}; split the log where its time runs back, or write the time with more digits"
+        notes.append((f"time repeats or runs back in {behind} rows", step))
+    values = sound[forward]
     if len(values) < MIN_SAMPLES:
-        step = "an identification needs seconds of motion"
-        raise LogFormatError(table.path, table.line, f"only {len(values)} rows that can be used", step)
+        step = "sort the rows, or split the log where its time runs back; " * bool(behind)
+        why = "".join(f"; {note}" for note, _ in notes)
+        step += "an identification needs seconds of motion"
+        raise LogFormatError(table.path, table.line, f"only {len(values)} rows that can be used{why}", step)
     place = {name: k for k, name in enumerate(names)}
     signals = {signal: values[:, [place[name] for name in group]] for signal, group in columns.items()}
-    return LogReading(
-        table.path, values[:, 0], signals, rows, tuple(notes), is_head, int(np.count_nonzero(sound & same)), len(parts)
-    )
+    told, remedies = tuple(note for note, _ in notes), tuple(step for _, step in notes)
+    repeated = int(np.count_nonzero(same))
+    return LogReading(table.path, values[:, 0], signals, rows, told, remedies, is_head, repeated, len(parts))
+
+
+def _sound(values: Array, rows: int) -> tuple[Array, list[tuple[str, str]]]:
+    """Return finite rows, sorted where that is safe, and what was wrong, each with what to do.
+
+    Args:
+        values: Rows, their time first, shape (N, c).
+        rows: Rows of the log.
+    """
+    notes = list[tuple[str, str]]()
+    finite = np.isfinite(values).all(axis=1)
+    lost = int(np.count_nonzero(~finite))
+    if lost:
+        step = f"{_NAMED}, and {_FIXED} leaves them out" if lost <= MOST_LOST * len(values) else _NAMED
+        notes.append((f"{lost} of {rows} rows hold values that are not finite", step))
+    values = values[finite]
+    moved = int(np.count_nonzero(out_of_order(values[:, 0])))
+    if moved and sortable(values[:, 0], [values]):
+        notes.append((f"{moved} of {rows} rows are out of order", f"{_NAMED}, and {_FIXED} sorts them"))
+        values = values[np.argsort(values[:, 0], kind="stable")]
+    return values, notes
 
 
 def _head(table: LogTable, names: Sequence[str]) -> tuple[Array, bool]:

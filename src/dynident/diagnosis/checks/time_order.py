@@ -8,9 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from dynident.case.evidence.rows import out_of_order, sortable
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
-from dynident.diagnosis.repair import out_of_order, repeated_rows, sortable
+from dynident.diagnosis.repair import repeated_rows
 
 
 @dataclass(frozen=True)
@@ -34,11 +35,11 @@ class TimeOrder(Check):
         back = np.flatnonzero(np.diff(time) < 0)
         if len(back):
             first = subject.raw.place(int(samples[back[0] + 1]))
-            count = out_of_order(time)
+            count = int(np.count_nonzero(out_of_order(time)))
             times = "once, in" if len(back) == 1 else f"{len(back)} times, first in"
             evidence = f"time runs back {times} {first}; rows out of order: {count}"
             numbers = {"places": len(back), "rows": count}
-            if sortable(time):
+            if sortable(time, [values[keep] for values in log.signals().values()]):
                 remedy = f"sort the rows ('{subject.fix}' writes them sorted)"
                 found.append(Finding("error", "rows out of order", "", evidence, remedy, numbers))
             else:
