@@ -99,6 +99,28 @@ def test_what_the_names_of_efforts_say_stands_beside_positions_without_names(
     assert draft.recognition.effort == signal
 
 
+@pytest.mark.parametrize("counted", [True, False])
+def test_the_rate_of_columns_whose_names_tell_all_but_the_time_follows_from_the_velocities(
+    counted: bool, arm: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    """A counter of rows is no time; without velocities the time is asked for."""
+    count = np.arange(float(len(motion["time"])))
+    for with_velocities in (True, False):
+        names = ["q{}", "dq{}", "tau{}"] if with_velocities else ["q{}", "tau{}"]
+        signals = [motion["q"], *([motion["dq"]] if with_velocities else []), motion["torque"]]
+        header = [*["step"] * counted, *(name.format(k + 1) for name in names for k in range(arm.dof))]
+        path = tmp_path / f"run{with_velocities}.csv"
+        values = blocks(*([count] if counted else []), *signals)
+        np.savetxt(path, values, delimiter=",", header=",".join(header), comments="")
+        draft = draft_case(write_robot(tmp_path / f"arm{with_velocities}.json", arm), str(path), tmp_path)
+        if not with_velocities:
+            assert "the column of the time" in draft.needed[0].text
+            continue
+        assert draft.needed == () and any("runs forward as a time" in one.text for one in draft.questions)
+        case = read(draft, tmp_path)
+        np.testing.assert_allclose(case.read(case.train[0]).time, motion["time"] - motion["time"][0], atol=1e-9)
+
+
 @pytest.mark.parametrize("with_velocities", [True, False])
 @pytest.mark.parametrize("size", [1.0, 40.0, 0.0])
 def test_torques_whose_names_are_not_known_are_proposed_by_their_values(

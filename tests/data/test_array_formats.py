@@ -189,6 +189,36 @@ def test_arrays_without_a_log(tmp_path: Path) -> None:
         read_log(path)
 
 
+@pytest.mark.parametrize("suffix", [".h5", ".hdf5"])
+def test_hdf5_as_python_writes_it(tmp_path: Path, suffix: str) -> None:
+    h5py = pytest.importorskip("h5py")
+    log, path = log_of_two_joints(), tmp_path / f"run{suffix}"
+    with h5py.File(path, "w") as file:
+        for name, values in (("t", log.time), ("q", log.q), ("tau", log.torque)):
+            file.create_dataset(name, data=values)
+        file.create_dataset("images", data=np.zeros((len(log.time), 4, 4)))
+    found = read_log(path)
+    np.testing.assert_array_equal(found.q, log.q)
+    np.testing.assert_array_equal(np.asarray(found.torque), np.asarray(log.torque))
+
+
+def test_several_recordings_in_one_file_are_not_read_as_columns(tmp_path: Path) -> None:
+    """Episodes as arrays (E, N, n) had their times read as columns of joints."""
+    log = log_of_two_joints()
+    arrays = {"t": log.time, "q": np.asarray(log.q), "tau": np.asarray(log.torque)}
+    t, q, tau = (np.stack([values] * 3) for values in arrays.values())
+    np.savez(tmp_path / "all.npz", t=t, q=q, tau=tau)
+    with pytest.raises(LogFormatError, match=r"several recordings: t, q, tau, \.\.\.; save each"):
+        read_log(tmp_path / "all.npz")
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "all.hdf5", "w") as file:
+        for group in ("data/demo_0", "data/demo_1"):
+            for name, values in arrays.items():
+                file.create_dataset(f"{group}/obs/{name}", data=values)
+    with pytest.raises(LogFormatError, match=r"several recordings: data\.demo_0\.obs\.q, "):
+        read_log(tmp_path / "all.hdf5")
+
+
 @pytest.mark.parametrize(("limit", "value"), [("MAX_BYTES", 1 << 20), ("MAX_MEMBERS", 1)])
 def test_an_archive_that_unpacks_to_more_than_it_should(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: int

@@ -328,7 +328,7 @@ def test_an_unknown_suffix_lists_the_formats(tmp_path):
         read_log(path)
     assert str(caught.value) == (
         f"{path}: no log format has the suffix '.xyz'; the formats are: bam (.json); csv (.csv, .txt, .tsv); "
-        "mat (.mat); npz (.npz, .npy); parquet (.parquet, .pq); rosbag (.bag, .db3, .mcap); trajectory (by "
+        "mat (.mat, .h5, .hdf5); npz (.npz, .npy); parquet (.parquet, .pq); rosbag (.bag, .db3, .mcap); trajectory (by "
         "name only); twincat_scope (by name only)"
     )
     assert read_log(path, form="csv").samples == ROWS

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 #: Words of the field for each signal.
 WORDS: Mapping[str, tuple[str, ...]] = {
     "time": (
-        "t", "time", "timestamp", "timestamps", "stamp", "times", "timesec", "clock", "zeit", "temps", "tiempo",
-        "tempo", "tout", "时间", "時間",
+        "t", "time", "timestamp", "timestamps", "stamp", "times", "timesec", "clock", "zeit", "zeitstempel", "uhrzeit",
+        "temps", "tiempo", "tempo", "tout", "时间", "時間",
     ),
     "q": ("q", "pos", "position", "positions", "theta", "angle", "angles", "ang", "qpos", "jpos", "winkel", "θ",
         "phi", "φ", "posizione", "posicion", "posición", "位置", "角度"),
@@ -21,7 +21,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "ddq": ("ddq", "qdd", "acc", "acceleration", "accelerations", "accel", "qddot"),
     "torque": (
         "tau", "torque", "torques", "tor", "torq", "trq", "effort", "efforts", "eff", "moment", "moments", "drehmoment",
-        "τ", "couple", "couples", "coppia", "力矩", "扭矩", "トルク",
+        "τ", "force", "forces", "frc", "qfrc", "couple", "couples", "coppia", "力矩", "扭矩", "トルク",
     ),
     "current": ("i", "current", "currents", "cur", "curr", "iq", "amps", "strom", "courant", "corriente",
         "corrente", "电流", "電流"),
@@ -57,7 +57,7 @@ ENABLED = re.compile(r"(torque|motor|drive|servo)[_ ]?(enabled?|on)\d*|enabled?\
 #: Words that say nothing more about a column.
 NEUTRAL = frozenset(
     "joint joints j axis a achse arm robot state states value values observation data of s field msg header raw grp "
-    "group actuator actuators wert gelenk articulation axe eje asse 关节 関節 轴 軸".split()
+    "group actuator actuators wert gelenk achs antriebs articulation axe eje asse 关节 関節 轴 軸".split()
 )
 
 #: What a dot over a signal makes of it.
@@ -68,7 +68,8 @@ UNIT_WORDS: Mapping[str, str] = {
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m": "m", "mm": "mm",
     "rad/s": "rad/s", "rads": "rad/s", "deg/s": "deg/s", "degs": "deg/s", "m/s": "m/s", "mm/s": "mm/s", "nm": "N m",
     "mnm": "mN m", "n": "N", "a": "A", "amp": "A", "amps": "A", "ma": "mA", "%": "percent", "percent": "percent",
-    "permille": "permille", "‰": "permille", "°": "deg", "°/s": "deg/s",
+    "permille": "permille", "‰": "permille", "°": "deg", "°/s": "deg/s", "grad": "deg", "grad/s": "deg/s",
+    "seconds": "s", "sek": "s", "msec": "ms",
 }  # fmt: skip
 
 _QUANTITY_UNITS: Mapping[str, frozenset[str]] = {
@@ -113,9 +114,9 @@ class Meaning:
     strange: tuple[str, ...] = ()
 
 
-#: Words that German writes as one: a wanted or a measured value.
+#: Words that German writes as one: a wanted or a measured value, that of a motor or of a joint.
 _WRITTEN_TOGETHER = re.compile(
-    r"(?<![^\W\d_])(soll|ist)(?=(?:position|winkel|geschwindigkeit|drehmoment|moment|strom|wert)(?![^\W\d_]))",
+    r"(?<![^\W\d_])(soll|ist|motor|gelenk|achs|antriebs)(?=(?:position|winkel|geschwindigkeit|drehmoment|moment|strom|wert)(?![^\W\d_]))",
     re.IGNORECASE,
 )
 

@@ -128,6 +128,8 @@ def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str =
     if not pairs and (fewer := joint_count(clock, values, usable, count)):
         runs = runs_of(usable, fewer)
         pairs = derivatives(clock, values, runs)
+    if pairs and place is not None and not time and np.all(np.diff(clock) == 1.0):  # a counter of rows tells no time
+        place, nothing = None, TableStructure()
     followed = {k for pair in pairs for k in pair.by}
     firsts = {pair.of: pair for pair in pairs if followed.isdisjoint(pair.of)}
     if not firsts:

@@ -38,17 +38,36 @@ def by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recogni
     if named:  # what a name says stands, whatever else fits
         sources = {signal: source for signal, source in sources.items() if signal != "torque"} | named
     left_out = {**found.left_out, **told.left_out}
-    time, is_clocked = found.time or told.time, found.is_clocked
-    if not time and told.rate_hz:
-        time, is_clocked = f"{np.format_float_positional(told.rate_hz, trim='-')} Hz", True
-        tables = [with_clock(table, time, told.rate_hz) for table in tables]
+    found, tables = _timed(found, told, tables)
     rivals = {key: groups for key, groups in told.rivals.items() if key != "q" and not (named and key == "torque")}
     joints = choose_joints(found.robot, told.groups["q"], np.zeros((1, told.groups["q"].count)))
     likely = listed(told.likely_effort) if told.likely_effort and not named else ""
-    found = replace(
-        found, likely_effort=likely, time=time, is_clocked=is_clocked, sources=sources, rivals=rivals, joints=joints
-    )
+    found = replace(found, likely_effort=likely, sources=sources, rivals=rivals, joints=joints)
     return replace(found, left_out=left_out, structure=told), tables
+
+
+def with_time_by_values(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recognised, Sequence[LogTable]]:
+    """Return what is recognised, and the tables, with the time that values tell where names tell positions and no time.
+
+    Velocities are the derivative of the positions by it: a column that runs forward in even steps, or a rate.
+    """
+    positions = found.sources.get("q")
+    told = None if found.time or positions is None else _structure(found, tables[0])
+    if told is None or "dq" not in told.groups or positions is None or told.groups["q"].names != positions.columns:
+        return found, tables
+    found, tables = _timed(found, told, tables)
+    return (replace(found, structure=replace(told, groups={}, rivals={})) if found.is_clocked else found), tables
+
+
+def _timed(
+    found: Recognised, told: TableStructure, tables: Sequence[LogTable]
+) -> tuple[Recognised, Sequence[LogTable]]:
+    """Return what is recognised with the time or the rate that values tell, where it has none, and the tables."""
+    if found.time or told.time or not told.rate_hz:
+        return replace(found, time=found.time or told.time), tables
+    time = f"{np.format_float_positional(told.rate_hz, trim='-')} Hz"
+    found = replace(found, time=time, is_clocked=True)
+    return found, [with_clock(table, time, told.rate_hz) for table in tables]
 
 
 def with_effort_by_values(found: Recognised, table: LogTable) -> Recognised:

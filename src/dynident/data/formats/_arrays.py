@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,6 +22,9 @@ _ROWS = 1 << 15
 
 #: Columns of one array at most: more is a matrix of another kind.
 MAX_WIDTH = 256
+
+#: Groups of files that hold one recording each, such as ``demo_0``.
+_RECORDING = re.compile(r"(?:^|\.)(?:demo|ep|episode|traj|trajectory|rollout|run|trial|log)_?\d+\.", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -104,8 +108,14 @@ def columns_of(
         number_vectors: Whether (N, 1) is called ``name1``; else ``name``, for formats in which a vector is (N, 1).
 
     Raises:
-        LogFormatError: No array is as long as a log.
+        LogFormatError: No array is as long as a log, or the file holds several.
     """
+    pairs = {pair for shape in shapes.values() if len(shape) == 3 for pair in (shape[:2], shape[1:])}
+    if len({group[0] for name in shapes if (group := _RECORDING.search(name))}) > 1 or (
+        pairs and all(len(shape) != 2 or shape in pairs for shape in shapes.values())
+    ):
+        step = "save each as a file of its own, with a row per sample, and give these files as logs"
+        raise LogFormatError(path, None, f"it holds several recordings: {', '.join(list(shapes)[:3])}, ...", step)
     lengths = Counter(max(shape) for shape in shapes.values() if len(shape) in (1, 2) and max(shape, default=0) > 1)
     if not lengths:
         step = "save time, positions and torques as arrays with a row per sample, such as t (N,), q (N, n), tau (N, n)"

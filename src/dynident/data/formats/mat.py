@@ -1,4 +1,4 @@
-"""Logs as MATLAB files, version 4 to 7.3: vectors and matrices by name, also inside structs."""
+"""Logs as MATLAB files, version 4 to 7.3, and HDF5: vectors and matrices by name, also inside structs."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _DEEPEST = 8
 
 @dataclass(frozen=True)
 class Mat(LogFormat):
-    """MATLAB file; a matrix q is the columns q1, ..., qn, a field of a struct is data.q.
+    """MATLAB or HDF5 file; a matrix q is the columns q1, ..., qn, a field of a struct or what a group holds is data.q.
 
-    Version 7.3 needs the extra ``mat``.
+    HDF5, which is MATLAB's version 7.3, needs the extra ``mat``.
     """
 
-    suffixes: ClassVar = (".mat",)
+    suffixes: ClassVar = (".mat", ".h5", ".hdf5")
 
     def open(self, path: str | Path) -> ArrayTable:
         """Return the table; see :meth:`LogFormat.open`."""
@@ -76,7 +76,7 @@ def _package() -> Any:
     try:
         import h5py
     except ImportError as error:
-        raise MissingDependency("reading MATLAB files of version 7.3", "h5py", "mat") from error
+        raise MissingDependency("reading HDF5 and MATLAB files of version 7.3", "h5py", "mat") from error
     return h5py
 
 
@@ -86,14 +86,8 @@ def _opened(path: str | Path) -> Iterator[Any]:
     try:
         with h5py.File(path, "r") as file:
             yield file
-    except (
-        OSError,
-        RuntimeError,
-        ValueError,
-        KeyError,
-        TypeError,
-    ) as error:  # h5py has TypeError for types unknown to it
-        evidence = f"it does not read as a MATLAB 7.3 file, or is damaged: {error}"
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:  # TypeError is of types unknown to h5py
+        evidence = f"it does not read as an HDF5 or MATLAB 7.3 file, or is damaged: {error}"
         raise LogFormatError(path, None, evidence, _STEP) from error
 
 

@@ -55,13 +55,10 @@ class Npz(LogFormat):
                 members = archive.infolist()
                 if len(members) > MAX_MEMBERS or sum(member.file_size for member in members) > MAX_BYTES:
                     raise LogFormatError(path, None, "it unpacks to more than a log can hold", "write it again")
-                shapes = {}
-                for member in members:
-                    shape = _shape(path, archive, member)
-                    if shape is not None:
-                        shapes[member.filename.removesuffix(".npy")] = shape
+                all_shapes = {each.filename.removesuffix(".npy"): _shape(path, archive, each) for each in members}
         except _DAMAGE as error:
             raise LogFormatError(path, None, f"no NumPy archive ({error})", _STEP) from error
+        shapes = {name: shape for name, shape in all_shapes.items() if shape is not None}
         found = columns_of(path, shapes, number_vectors=True)
         return replace(ArrayTable.of(path, digest, "NumPy archive", found), parts=partial(_parts, path, found[1]))
 
@@ -82,8 +79,7 @@ def _bare(path: str | Path, digest: str) -> ArrayTable:
         array = npy.open_memmap(path, mode="r")
     except _DAMAGE as error:
         raise LogFormatError(path, None, f"no NumPy array of numbers ({error})", _STEP) from error
-    shapes = {"c": array.shape} if array.dtype.kind in "fiub" else {}
-    found = columns_of(path, shapes, number_vectors=True)
+    found = columns_of(path, {"c": array.shape} if array.dtype.kind in "fiub" else {}, number_vectors=True)
     return replace(ArrayTable.of(path, digest, "NumPy array", found), load=lambda _: array)
 
 
