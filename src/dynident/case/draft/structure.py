@@ -110,8 +110,7 @@ def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str =
         time: Column of the time where its name tells it.
     """
     count = robot.dof
-    finite = np.isfinite(values).all(axis=1)
-    values = values[finite][:ROWS]
+    values = values[np.isfinite(values).all(axis=1)][:ROWS]
     place = header.index(time) if time else _time_column(values)
     clock = np.arange(len(values), dtype=float) if place is None else values[:, place]
     usable = [k for k in range(len(header)) if k != place]
@@ -136,9 +135,8 @@ def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str =
         return nothing
     positions = _same_motion(values, list(firsts))
     first = _measured(clock, values, positions)
-    velocity = firsts[first]
+    velocity, rivals = firsts[first], {}
     groups, evidence = {"q": told.group("q", first)}, {"q": f"{told.shown(velocity.by)} are their derivative"}
-    rivals = {}
     if len(positions) > 1:
         others = [run for run in positions if run != first]
         rivals["q"] = tuple(told.group("q", run) for run in (first, *others))
