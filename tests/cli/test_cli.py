@@ -316,8 +316,8 @@ def _sources(page: str) -> str:
 def test_inspect(capsys: Capture) -> None:
     out = answered(capsys, "inspect", "arm.json", "--friction", "coulomb", "viscous")
     assert "planar-2r: 2 joints, 2 links" in out
-    assert "24 standard parameters -> 10 base parameters (6 inertial, 4 friction and drive)" in out
-    assert "exact count by the geometry of the joints: 10, as many as the rank" in out
+    assert "24 standard -> 10 base parameters (6 inertial, 4 friction and drive)" in out
+    assert "exact count by the geometry of the joints: 10, the rank" in out
     data = answered_json(capsys, "inspect", "arm.json", "--friction")
     assert data["exact_base_parameters"] == 6
     assert data["inertial_base_parameters"] == len(data["base_parameters"]) == 6

@@ -147,6 +147,24 @@ def test_every_known_scale_of_every_joint_is_found(robot: str, tmp_path: Path) -
             assert best.factor * times == pytest.approx(1, abs=0.02), times
 
 
+@pytest.mark.parametrize(
+    ("factor", "told"), [(1.0, ""), (1.3, "torque scale"), (4.0, "torque unit"), (0.05, "torque unit")]
+)
+def test_an_earlier_estimate_tells_a_common_scale_where_the_robot_model_has_no_masses(
+    trial: Trial, factor: float, told: str, tmp_path: Path
+) -> None:
+    robot = trial.case.robot
+    bare = replace(robot, links=tuple(replace(link, inertia=None) for link in robot.links))
+    earlier = trial.estimate(tmp_path)
+    faulty = replace(trial.with_columns(tau=factor * trial.columns["tau"]), case=replace(trial.case, robot=bare))
+    against = [
+        one for one in faulty.examined(tmp_path, earlier).findings if one.name in ("torque scale", "torque unit")
+    ]
+    assert [one.name for one in against] == [told] * bool(told)
+    assert all("the earlier estimate" in one.evidence for one in against)
+    assert not [one for one in faulty.examined(tmp_path).findings if one.name in ("torque scale", "torque unit")]
+
+
 def test_an_arm_of_one_joint_has_no_scale_and_its_sign_shows(pendulum: Robot, tmp_path: Path) -> None:
     """It shares no column with another joint; friction that drives it, and its mass, name one cause."""
     friction = tuple(FRICTION.make(name) for name in default_friction())

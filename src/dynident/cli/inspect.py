@@ -185,7 +185,7 @@ def _show_equations(equations: SymbolicModel, chosen: list[str]) -> None:
 
 def _agreement(base: BaseParameters, exact: int) -> str:
     if exact == base.count:
-        return "as many as the rank of the regressor"
+        return "the rank of the regressor too"
     near = len(base.weak) or base.neglected > 0
     return "which draws the line elsewhere among those that hardly show" if near else "NOT the rank of the regressor"
 
@@ -260,7 +260,7 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
     console.answer_table(Table(columns, tuple(rows)))
     friction = base.count - inertial.count
     console.answer(
-        f"\n{len(base.parameters)} standard parameters -> {base.count} base parameters "
+        f"\n{len(base.parameters)} standard -> {base.count} base parameters "
         f"({inertial.count} inertial, {friction} friction and drive)"
     )
     numbered = tuple((str(i), label(name)) for i, name in enumerate(base.names, start=1))

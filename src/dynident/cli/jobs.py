@@ -52,8 +52,8 @@ def add_log_case(group: argparse._ActionsContainer) -> None:
     group.add_argument(
         "--case",
         metavar="CASE",
-        help="case file of these logs, where columns, units or format are others than those of the fit; "
-        "'dynident init' drafts it; drive gains that it asks for are those of the estimate",
+        help="case file of these logs, as 'dynident init' drafts it, where their columns, units or format are others "
+        "than those of the fit",
     )
 
 

@@ -53,6 +53,7 @@ _WORDS = {
     "delta": "Huber threshold",
     "seconds": "time [s]",
     "sha256": "SHA-256",
+    "standstill": "speed at rest [rad/s]",
     "trim": "cut off at both ends",
 }
 

@@ -189,7 +189,8 @@ def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     value, deviation = 100 * float(blame.values[0]), 100 * float(blame.half_widths[0])
     evidence = f"its torque is {value:+.2g} +- {deviation:.1g} % off the value that agrees with the other joints"
     if not blame.cause.joint:
-        evidence = f"torques of all joints are {value:+.2g} +- {deviation:.1g} % off those of its bodies"
+        digits = "+.0f" if abs(value) >= 10.0 else "+.2g"
+        evidence = f"torques of all joints are {value:{digits}} +- {deviation:.1g} % off those of its bodies"
     return evidence, "check gain and gear ratio (drives: {JOINT: {gain: ...}}), or the masses of the robot model"
 
 

@@ -79,7 +79,10 @@ def _load(blame: Blame, against: AgainstBodies) -> Finding:
         joint = against.fit.model.robot.joint_names[strongest]
         told = f"of {blame.torque[strongest]:.3g} N m (or N) rms at {joint}, its mass is not determined"
     evidence = f"a load at the flange {told} (t = {blame.certainty:.0f})"
-    remedy = "remove the payload or tool, or add it to the robot model; check the last link"
+    remedy = (
+        "remove the payload or tool, or add it to the robot model; 'dynident payload ESTIMATE LOG' weighs it, with an "
+        "estimate without it; check the last link"
+    )
     if known and mass < 0:
         evidence = f"{-mass:.3g} kg (+- {half:.2g} kg) less at the flange (t = {blame.certainty:.0f})"
         remedy = "take a tool that is not mounted out of the robot model, or correct the mass of the last link"

@@ -11,6 +11,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.evidence.torques import EXPLAINED, agrees, scale_against
 from dynident.diagnosis.causes.column_readings import variance_falls
+from dynident.diagnosis.causes.known_bodies import KnownBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale, mixing_of, other_scales
 from dynident.diagnosis.checks.base import Check, CheckedLog
@@ -33,7 +34,11 @@ class TorqueScale(Check):
         if fit is None:
             return []
         found = other_scales(subject.scales)
-        return [*_one_joint(subject, found), *_open_scales(fit, subject.scales), *_all_joints(fit, found)]
+        return [
+            *_one_joint(subject, found),
+            *_open_scales(fit, subject.scales),
+            *_all_joints(fit, found, subject.known),
+        ]
 
 
 def _one_joint(subject: CheckedLog, found: Sequence[JointScale]) -> list[Finding]:
@@ -81,24 +86,33 @@ def _open_scales(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
     return [Finding("note", "scale not determined", listed(unknown), evidence, remedy, {"joints": float(len(unknown))})]
 
 
-def _all_joints(fit: QuickFit, found: Sequence[JointScale]) -> list[Finding]:
-    """Return what the robot model's masses say of all torques, that of a joint with another scale in its own."""
+def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies | None) -> list[Finding]:
+    """Return what known bodies say of all torques, that of a joint with another scale in its own.
+
+    Those of an earlier estimate go before the masses of the robot model, which may have none.
+    """
+    mixing = mixing_of(fit, found[0]) if found else None
+    if known is not None and (told := _other_unit(*against_known(fit, known, mixing), "the earlier estimate")):
+        return told
     theta = fit.model.nominal()
     if theta is None:
         return []
-    ratio, alike = against_nominal(fit, theta, mixing_of(fit, found[0]) if found else None)
-    if alike**2 < EXPLAINED:
-        return []
-    if alike < 0:
+    ratio, alike = against_nominal(fit, theta, mixing)
+    if alike < 0 and alike**2 >= EXPLAINED:
         gravity = ", ".join(f"{value + 0.0:.3g}" for value in -np.asarray(fit.model.robot.gravity))
         evidence = (
             f"the robot model's masses give the opposite torque under the stated gravity (correlation {alike:.3f})"
         )
         remedy = f"mounted upside down? state it (gravity: [{gravity}] in the frame of the base)"
         return [Finding("error", "mounting", "", evidence, remedy, {"correlation": alike}, CONSEQUENCES)]
-    if agrees(ratio):
+    return _other_unit(ratio, alike, "the robot model")
+
+
+def _other_unit(ratio: float, alike: float, whose: str) -> list[Finding]:
+    """Return that torques are in another unit than those of known bodies, where their ratio and correlation say so."""
+    if alike < 0 or alike**2 < EXPLAINED or agrees(ratio):
         return []
-    evidence = f"the robot model predicts {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"
+    evidence = f"{whose} predicts {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"
     remedy = (
         "another unit (log: units: {torque: mN m}), or currents or percent read as torques? name them so (log: "
         "columns: current and drives: gain)"
@@ -108,6 +122,19 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale]) -> list[Finding]:
         explains = tuple(name for name in CONSEQUENCES if name != "torque unit")
         return [Finding("error", "torque unit", "", evidence, remedy, numbers, explains)]
     return [Finding("warning", "torque unit", "", evidence, remedy, numbers)]
+
+
+def against_known(fit: QuickFit, known: KnownBodies, mixing: Array | None) -> tuple[float, float]:
+    """Return scale and correlation of the bodies' torque, fitted to mixing @ torque, against an earlier estimate's."""
+    stated = np.zeros(fit.base.count)
+    stated[known.places] = known.values
+    fitted = np.zeros(fit.base.count)
+    fitted[known.places] = fit.solve(fit.triangles.products, mixing).beta[known.places]
+    pairs = [
+        (block @ stated[own], block @ fitted[own]) for block, own in zip(fit.rows.blocks, fit.rows.columns, strict=True)
+    ]
+    theirs, ours = (np.stack(each, axis=1) for each in zip(*pairs, strict=True))
+    return scale_against(theirs - theirs.mean(axis=0), ours - ours.mean(axis=0))
 
 
 def against_nominal(fit: QuickFit, theta: Array, mixing: Array | None) -> tuple[float, float]:
