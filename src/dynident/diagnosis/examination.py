@@ -258,7 +258,7 @@ def _of_signals(checks: Sequence[Check], case: Case, recording: Recording, earli
         found += _of_stage([check for check in checks if check.stage == stage], subject, found)
         lasting = [each.name for each in found if each.severity == "error" and each.name not in _MENDABLE]
         if lasting:
-            left_out = f"checks that need sound {'signals' if stage == 0 else 'units'} were left out: fix {lasting[0]}"
+            left_out = f"checks that need {'sound signals' if stage == 0 else 'a fit'} were left out: fix {lasting[0]}"
             return _ExaminedLog(subject, repaired, found, left_out)
     return _ExaminedLog(subject, repaired, found)
 
