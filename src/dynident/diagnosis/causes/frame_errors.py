@@ -44,18 +44,18 @@ def frame_errors(fit: QuickFit, every: int) -> Array | None:
         return None
     kept = motion_of(fit.rows.prepared.kept)
     motion = Motion(*(np.asarray(part)[::every] for part in (kept.q, kept.dq, kept.ddq)))
-    carried = np.flatnonzero(chain.parent >= 0)
-    many = 6 * len(carried) + 1
-    axes, shifts = (np.array([part] * many) for part in (chain.axis, chain.translation))
-    for k, i in enumerate(carried):
+    bodies = nominal[: fit.model.inertial_count]
+    right = displaced_torques(chain, chain.axis[None], chain.translation[None], bodies, motion)[0]
+    errors, beta = [np.zeros((0, *right.shape))], np.where(fit.base.is_friction, 0.0, fit.plain.beta)
+    for i in np.flatnonzero(chain.parent >= 0):
+        axes, shifts = (np.array([part] * 6) for part in (chain.axis, chain.translation))
         for about in range(3):
-            axes[6 * k + about, i] = rotation_about(np.eye(3)[about], STEP * TURNED) @ chain.axis[i]
-            shifts[6 * k + 3 + about, i, about] += STEP * MOVED
-    torques = displaced_torques(chain, axes, shifts, nominal[: fit.model.inertial_count], motion)
-    right, beta = torques[-1], np.where(fit.base.is_friction, 0.0, fit.plain.beta)
+            axes[about, i] = rotation_about(np.eye(3)[about], STEP * TURNED) @ chain.axis[i]
+            shifts[3 + about, i, about] += STEP * MOVED
+        errors.append(displaced_torques(chain, axes, shifts, bodies, motion) - right)
     fitted = np.stack([b[::every] @ beta[own] for b, own in zip(fit.rows.blocks, fit.rows.columns, strict=True)], 1)
     sizes = np.abs(np.sum(fitted * right, axis=0)) / np.maximum(np.sum(right**2, axis=0), 1e-300)
-    return sizes * (torques[:-1] - right) / STEP
+    return sizes * np.concatenate(errors) / STEP
 
 
 def displaced_torques(chain: Chain, axes: Array, shifts: Array, theta: Array, motion: Motion) -> Array:
