@@ -29,8 +29,9 @@ def frame_errors(fit: QuickFit, every: int) -> Array | None:
 
     The axis of each of the m joints that another one carries is turned about the axes of its frame and displaced along
     those of its parent's; zeros of the positions are right. The first joint is left out: the base leans then, or
-    stands elsewhere. The bodies are the nominal ones, in the size of the fitted torques: fitted ones that the log
-    hardly tells are large, and cancel each other in these frames alone.
+    stands elsewhere. The bodies are the nominal ones, in the size of the fitted torques where nominal torques are not
+    small beside those by an error of a radian: fitted bodies that the log hardly tells are large, and cancel each
+    other in these frames alone.
 
     Args:
         fit: The fit of the log.
@@ -54,8 +55,10 @@ def frame_errors(fit: QuickFit, every: int) -> Array | None:
             shifts[3 + about, i, about] += STEP * MOVED
         errors.append(displaced_torques(chain, axes, shifts, bodies, motion) - right)
     fitted = np.stack([b[::every] @ beta[own] for b, own in zip(fit.rows.blocks, fit.rows.columns, strict=True)], 1)
-    sizes = np.abs(np.sum(fitted * right, axis=0)) / np.maximum(np.sum(right**2, axis=0), 1e-300)
-    return sizes * np.concatenate(errors) / STEP
+    found = np.concatenate(errors) / STEP
+    by_radian = np.sum(found**2, axis=(0, 1)) / (max(len(found), 1) * TURNED**2)  # a joint about which all is even
+    along, own = np.abs(np.sum(fitted * right, axis=0)), np.sum(right**2, axis=0)
+    return found * (along + by_radian) / np.maximum(own + by_radian, 1e-300)
 
 
 def displaced_torques(chain: Chain, axes: Array, shifts: Array, theta: Array, motion: Motion) -> Array:
