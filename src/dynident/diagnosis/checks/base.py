@@ -24,9 +24,6 @@ from dynident.identification.selection.delay import find_delays
 #: A delay counts from this many of its standard deviations on.
 SURE_DELAY = 5.0
 
-#: Standard deviations from which a step to a delay beside other causes is sure.
-SURE_STEP = 2.0
-
 
 @dataclass(frozen=True)
 class CheckedLog:
@@ -77,13 +74,13 @@ class CheckedLog:
         """The delay of the torque; ``applied`` is 0 where it may well be none, or other causes explain the log better.
 
         A lean of the base or a load passes for a delay where nothing else may explain it. Beside these causes it is
-        told after another step of Gauss and Newton, where that is sure.
+        told after another step of Gauss and Newton, where its standard deviation is smaller so.
         """
         asked, trends = self._asked_delay, self.trends
         if asked is None or trends is None or not trends.fit.how.delay_s:
             return asked if asked is None else replace(asked, applied=0.0)
         left, std = trends.delay
-        seconds = asked.applied + left * (abs(left) > SURE_STEP * std)
+        seconds = asked.applied + left * (std < asked.std)
         return replace(asked, seconds=seconds, std=max(asked.std, std))
 
     @cached_property
