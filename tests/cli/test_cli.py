@@ -431,7 +431,7 @@ UNUSABLE = [
     (["validate", "run.csv", "run.csv"], "run.csv: line 1 is not JSON"),
     (["validate", "arm.json", "run.csv"], "arm.json: no estimate; give a file that 'dynident identify -o' has written"),
     (["report", "arm.json"], "arm.json: no estimate; give a file that 'dynident identify -o' has written"),
-    (["inspect", "run.csv"], "run.csv: a file that ends with '.csv' is not known"),
+    (["inspect", "run.csv"], "run.csv: a log by its ending, where a robot model is wanted"),
     (["inspect", "."], ".: it is a folder; give the robot model file in it"),
     (["inspect", "generic-7"], "generic-7: no such file; give a file, or a built-in example robot"),
     (["init", "arm.json", "no.csv", "-o", "new.yaml"], "no.csv: there is no such file; check the path"),
