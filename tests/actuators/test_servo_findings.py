@@ -11,7 +11,8 @@ import pytest
 from servo_bench import PENDULUM, parameters, virtual_logs, write_csv
 
 from dynident.actuators.drive_law import preset
-from dynident.actuators.servo_log import ServoLog
+from dynident.actuators.identify import identify_actuators
+from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup, is_read_back
 from dynident.cli.main import main
 from dynident.diagnosis.servo_findings import servo_findings
 from dynident.model.robot import Robot
@@ -56,6 +57,17 @@ def test_a_joint_that_is_held_and_a_short_way_to_full_speed_are_no_faults(log: S
     pushed = replace(log, q_ref=log.q + 8.0 * (time < 1.6)[:, None], enabled=(time < 3.0)[:, None], kp=2.0)
     assert names(pushed) == []
     assert names(replace(pushed, q_ref=log.q + 8.0 * (time < 2.5)[:, None])) == [("warning", "saturated")]
+
+
+def test_commands_that_are_read_back_are_named(log: ServoLog, robot: Robot) -> None:
+    """A position that is read twice, with the noise of its encoder."""
+    noise = np.random.default_rng(0).normal(0.0, 1e-3, log.q.shape)
+    twice = replace(log, q_ref=log.q + noise)
+    assert names(twice) == [("error", "command read back")] and is_read_back(twice, 0)
+    joint = identify_actuators(robot, ServoSetup((LAW,), ServoColumns(("joint1",)), "m1"), [twice]).joints[0]
+    assert any("where they are read back" in text for text in joint.remarks)
+    for own in virtual_logs(robot, parameters(), gains=(2.0, 20.0)):
+        assert not is_read_back(own, 0) and not is_read_back(replace(own, q=own.q + noise), 0)
 
 
 def test_a_late_velocity_is_named_with_its_lag(log: ServoLog) -> None:

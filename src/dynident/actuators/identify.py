@@ -18,7 +18,15 @@ from dynident.actuators.output_error import ROUGH, WHOLE
 from dynident.actuators.parameters import PLACE, with_zero
 from dynident.actuators.poor_fit import poor_fit
 from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, rolled_out, started
-from dynident.actuators.servo_log import ServoLog, ServoSetup, check_gains, is_outside, kp_values, laws_of
+from dynident.actuators.servo_log import (
+    ServoLog,
+    ServoSetup,
+    check_gains,
+    is_outside,
+    is_read_back,
+    kp_values,
+    laws_of,
+)
 from dynident.actuators.torque_scale import as_ratios, at_torque, contradiction, rescaled
 from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters, lacks_scale
 from dynident.arrays import Array
@@ -220,6 +228,9 @@ def _known_together(
 
 def _remarks(data: JointData, kp: tuple[float, ...], parameters: Array) -> tuple[str, ...]:
     remarks = list(filter(None, [poor_fit(data, parameters)]))
+    if all(is_read_back(one.log, one.joint) for one in data.rows):
+        text = "commands are its positions and noise, which moves no joint: where they are read back, log what is sent"
+        remarks.append(text)
     outside = sorted({one.kp for one in data.test if is_outside(one.kp, kp)})
     if outside:
         those = ", ".join(f"{value:g}" for value in outside)

@@ -51,16 +51,14 @@ def poor_fit(data: JointData, parameters: Array) -> str:
     if 2 * bad.sum() <= len(train):
         return _unlike([one.name for one in train], bad, errors / np.maximum(moved, 1e-9))
     share = float(errors.sum() / max(moved.sum(), 1e-9))
-    missed, (angle, limited) = f"{MISSED} {100 * min(share, 9.99):.0f} % of the motion", _cause(data)
-    if limited:
-        return (
-            f"{missed}: by kp and the drive law the duty is at its limit in {100 * limited:.0f} % of it, by the "
-            "torques it is not; correct kp, error_gain and limit"
-        )
+    missed, (angle, limited, is_told) = f"{MISSED} {100 * min(share, 9.99):.0f} % of the motion", _cause(data)
+    at_limit = f"by kp and the drive law the duty is at its limit in {100 * limited:.0f} % of it"
+    if is_told:
+        return f"{missed}: {at_limit}, by the torques it is not; correct kp, error_gain and limit"
     told = f" (the weight fits about {angle:.2f} rad more)" if angle else ""
     return (
         f"{missed}: check the angle where the encoder reads 0{told}, log: {{zero: [...]}}, the direction of the axis "
-        "in the robot model, law and kp"
+        f"in the robot model and of the commands, law and kp{f' ({at_limit})' if limited else ''}"
     )
 
 
@@ -77,17 +75,17 @@ def _unlike(logs: Sequence[str], bad: BoolArray, shares: Array) -> str:
     )
 
 
-def _cause(data: JointData) -> tuple[float, float]:
-    """Return what explains the torques in motion much better than the drive law does; both 0 where nothing does.
+def _cause(data: JointData) -> tuple[float, float, bool]:
+    """Return what explains the torques in motion much better than the drive law does.
 
-    That is the angle in rad at which the weight fits them, or a duty that is not limited, by the share of the samples
-    in motion with the drive on that are at the limit.
+    That is the angle in rad at which the weight fits them, 0 for none, or a duty that is not limited: the share of the
+    samples in motion with the drive on that are at the limit, and whether it explains them.
 
     Bias torque and its derivative along the motion give the weight at any zero: b(q + d) = b(q) cos d + b'(q) sin d.
     """
     (matrix, target, bias, slope), limited = _rows(data.rows)
     if len(target) < len(_COLUMNS) + 3:
-        return 0.0, 0.0
+        return 0.0, limited, False
     free = [replace(one, law=np.where(np.arange(4) == _MOST, np.inf, one.law), fixed={}) for one in data.rows]
     unlimited = nnls(*_rows(free)[0][:2])[1]
     factor = np.asarray(np.linalg.qr(np.column_stack([matrix, target, bias, slope]), mode="r"))
@@ -98,9 +96,9 @@ def _cause(data: JointData) -> tuple[float, float]:
     errors = np.array([size * nnls(matrix, own)[1] / np.linalg.norm(own) for own in others])
     least = _EXPLAINS * errors[_ANGLES // 2]
     if unlimited < min(least, errors.min()):
-        return 0.0, limited
+        return 0.0, limited, True
     best = int(np.argmin(errors))
-    return (float(angles[best]) if errors[best] < least else 0.0), 0.0
+    return (float(angles[best]) if errors[best] < least else 0.0), limited, False
 
 
 def _rows(rows: Sequence[StartRows]) -> tuple[Sequence[Array], float]:

@@ -37,6 +37,9 @@ _BACK_S = 1.0
 #: Fewest samples of a log.
 _FEWEST = 20
 
+#: A command that spans this many rad or m moves its joint.
+MOVED = 0.05
+
 
 @dataclass(frozen=True)
 class ServoColumns:
@@ -222,6 +225,20 @@ def _check_meaning(log: ServoLog, q: Array) -> None:
             step = "log what the controller sends (goal position, the pose of the leader arm), not what it reads back"
             raise LogMismatch(log.name, f"the command of {name} is its measurement {when}", step)
         _check_inverted(log, joint, measured, command, on)
+
+
+def is_read_back(log: ServoLog, joint: int) -> bool:
+    """Return whether the command of a joint that moves is its position and noise: a drive needs an error that lasts.
+
+    By the ratio of the mean squared successive difference of command less position to its variance, 2 for noise (von
+    Neumann, "Distribution of the ratio of the mean square successive difference to the variance", Annals of
+    Mathematical Statistics 12, 1941): the error of a servo goes with its torque, so that the ratio is far below 1.
+    """
+    used = log.enabled[:, joint] & ~log.failed[:, joint]
+    if used.sum() < _FEWEST or np.ptp(log.q_ref[used, joint]) < MOVED:
+        return False
+    error = (log.q_ref - log.q)[used, joint]
+    return bool(np.mean(np.diff(error) ** 2) > np.var(error))
 
 
 def _copied(measured: Array, command: Array, on: BoolArray) -> int:

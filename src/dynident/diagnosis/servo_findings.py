@@ -7,7 +7,7 @@ from collections.abc import Container, Sequence
 import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
-from dynident.actuators.servo_log import ServoLog
+from dynident.actuators.servo_log import MOVED, ServoLog, is_read_back
 from dynident.case.evidence.velocities import velocity_pair
 from dynident.diagnosis.finding import SEVERITIES, Finding
 
@@ -16,9 +16,6 @@ _FAILED, _ALL_SATURATED, _MUCH_SATURATED = 0.005, 0.9, 0.3
 
 #: Positions with fewer steps of the encoder over their travel are coarse.
 _COARSE = 60
-
-#: A command that spans this many rad or m moves its joint.
-_COMMANDED = 0.05
 
 #: A gap in time is this many median steps.
 _GAP = 8.0
@@ -34,7 +31,7 @@ def servo_findings(log: ServoLog, laws: Sequence[DriveLaw], released: Container[
     """
     found = _gaps(log)
     for joint, law in enumerate(laws):
-        found += [*_failed(log, joint), *_saturated(log, joint, law), *_coarse(log, joint)]
+        found += [*_failed(log, joint), *_saturated(log, joint, law), *_coarse(log, joint), *_read_back(log, joint)]
         found += [] if log.joints[joint] in released else _never_off(log, joint)
     found += _late_velocity(log)
     return sorted(found, key=lambda one: SEVERITIES.index(one.severity))
@@ -77,7 +74,7 @@ def _saturated(log: ServoLog, joint: int, law: DriveLaw) -> list[Finding]:
 
 def _coarse(log: ServoLog, joint: int) -> list[Finding]:
     levels, told = np.unique(np.round(log.q[~log.failed[:, joint], joint], 9)), float(np.ptp(log.q_ref[:, joint]))
-    if told <= _COMMANDED:  # it is held
+    if told <= MOVED:  # it is held
         return []
     if len(levels) < 3:
         evidence = f"its position does not change, and its command spans {told:.3g} rad"
@@ -89,6 +86,15 @@ def _coarse(log: ServoLog, joint: int) -> list[Finding]:
         return []
     evidence = f"the motion spans {count:.0f} steps of the encoder ({1e3 * step:.3g} mrad each)"
     return [Finding("warning", "quantisation", log.joints[joint], evidence, "log a larger motion")]
+
+
+def _read_back(log: ServoLog, joint: int) -> list[Finding]:
+    if not is_read_back(log, joint):
+        return []
+    error = (log.q_ref - log.q)[log.enabled[:, joint] & ~log.failed[:, joint], joint]
+    evidence = f"its command is its position and noise of {1e3 * float(np.std(error)):.2g} mrad, which moves no joint"
+    remedy = "where the command is a position that is read back, log what the controller sends (goal position)"
+    return [Finding("error", "command read back", log.joints[joint], evidence, remedy)]
 
 
 def _never_off(log: ServoLog, joint: int) -> list[Finding]:
