@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -136,13 +137,19 @@ def test_a_torque_that_no_log_tells_is_no_limit(folder: Path, capsys: pytest.Cap
         ("known", preset("feetech_sts3215"), parameters(angle_offset=0.0), known(full_torque="identified")),
         ("unknown", preset("position_servo"), unit, known(full_torque="not separable, gain_ratio")),
         (
+            "mit",
+            replace(preset("mit"), damping_gain=0.05),
+            parameters(full_torque=0.9),
+            known(full_torque="identified"),
+        ),
+        (
             "ratio",
             preset("feetech_sts3215"),
             parameters(angle_offset=0.0),
             known(full_torque="not separable", armature="known as a ratio", delay="identified"),
         ),
     ):
-        kp = (KP,) if law.error_gain != 1.0 else (1.0,)
+        kp = (1.0,) if name == "unknown" else (KP,)
         joint = JointActuator("joint1", law, kp, "m1", values, own, (), values, values, {}, {}, {}, {}, 0.0)
         write_actuators(ActuatorEstimate("pendulum", (joint,), {"robot": {"path": "pendulum.urdf"}}), f"{name}.json")
         for target in ("mjcf", "isaac", "urdf"):
@@ -156,11 +163,11 @@ def test_a_torque_that_no_log_tells_is_no_limit(folder: Path, capsys: pytest.Cap
             json.loads(Path(f"{name}.isaac").read_text())["joint1"]["effort_limit_sim"],
             read_robot(f"{name}.urdf").active[0].limits.effort,
         )
-        for name in ("known", "unknown")
+        for name in ("known", "unknown", "mit")
     }
     np.testing.assert_allclose(limits["known"], 3 * [2.4 * 0.97], rtol=1e-5)
-    assert limits["unknown"] == (2.0, None, 2.0)
-    assert "joint1 is not known apart from the gain: none is written" in told["unknown", "isaac"]
+    assert limits["unknown"] == limits["mit"] == (2.0, None, 2.0)
+    assert "joint1 is not known: none is written" in told["unknown", "isaac"]
     assert "the effort limit of the robot model holds" in told["unknown", "mjcf"]
     assert "known as ratios" in told["ratio", "urdf"] and "known" not in told["known", "isaac"].replace("known.", "")
 

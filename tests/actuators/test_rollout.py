@@ -96,6 +96,25 @@ def test_the_delay_has_an_exact_derivative_where_a_joint_jumps_from_rest(records
     assert np.max(np.abs(runs[0].slopes[:, 0] - difference)) < 1e-5 * np.max(np.abs(difference))
 
 
+def test_commanded_velocities_and_added_duty_act_from_the_moment_of_the_command(records: list[JointRecord]) -> None:
+    """Of second order in the step, with an exact derivative by the delay: changes within a step count by their time."""
+    samples = records[0].samples.copy()
+    samples[:, 2], samples[:, 3] = np.gradient(samples[:, 1], samples[:, 0]), 0.1 * np.sin(7.0 * samples[:, 0])
+    record = replace(records[0], samples=samples)
+    true = {"coulomb": 0.0, "delay": 0.00737, "damping_gain": 0.05}
+    fine = rolled_out(record, parameters(**true), longest=1e-5).q
+    coarse, half = (
+        np.sqrt(np.mean((rolled_out(record, parameters(**true), longest=step).q - fine) ** 2)) for step in (2e-3, 1e-3)
+    )
+    assert coarse / half > 3.0 and half < 1e-5  # rad; 6.8e-4 where the whole step has the values of its begin
+    at = NONE.copy()
+    at[PLACE["delay"]] = 0
+    delays = (0.00737, 0.00737 + 1e-7, 0.00737 - 1e-7)
+    runs = [rolled_out(record, parameters(**{**true, "delay": delay}), at, 4e-3) for delay in delays]
+    difference = (runs[1].q - runs[2].q) / 2e-7
+    assert np.max(np.abs(runs[0].slopes[:, 0] - difference)) < 1e-5 * np.max(np.abs(difference))
+
+
 def test_the_goal_moves_at_the_slew_limit_from_the_moment_of_the_command(records: list[JointRecord]) -> None:
     """A step of the command between two steps of the integration: the delay has an exact slope, no stairs."""
     errors = []

@@ -32,9 +32,9 @@ START_Q, START_V = COUNT, COUNT + 1
     _COMMAND, _ERROR, _PER_ERROR, _RATE, _FED, _LIMITED, _DUTY, _ON, _ACTIVE, _STIFFNESS,
     _RATIO, _FADE, _FADE_V, _REST, _BUDGET, _SIGN_1, _SIGN_2, _SQUARE_M, _SQUARE_E,
     _FORCE, _INERTIA, _DAMPING, _STUCK, _SIGN, _HAS_FADE, _DECAY, _SHARE, _SHARE_X, _UNTURNED, _FIRST, _NEXT, _JUMP,
-    _GOAL, _LOG, _LAST_V, _LAST_H, _SPAN, _EARLIER,
-) = range(38)  # fmt: skip
-_ENTRIES = 38
+    _GOAL, _LOG, _LAST_V, _LAST_H, _SPAN, _EARLIER, _BY_DELAY,
+) = range(39)  # fmt: skip
+_ENTRIES = 39
 
 #: Rows of the work array ``slopes``: position, velocity, motor torque, external torque, friction budget, drive force,
 #: goal inside the drive, its mean over a step, velocity before a reversal, in the middle of the step, a step before.
@@ -42,31 +42,37 @@ _ROWS = 11
 
 
 @inlined
-def _jump(samples: Array, begin: float, h: float, place: int, both: Array, now: Array, at: IntArray) -> None:
+def _jump(samples: Array, begin: float, h: float, place: int, both: Array, now: Array) -> bool:
     """Write the goal a step later where it is the command itself, and what it is within the step.
 
-    That is the goal before a change of the command, its share of the step, and the goal after it; the mean of them all
-    where the command changes more than once.
+    That is the goal before a change of the command, its share of the step, and the goal after it. Return False, with
+    nothing written, where the command changes more than once.
     """
-    end, row, moment = begin + h, place + 1, begin
+    row = place + 1
+    if row + 1 < len(samples) and samples[row + 1, 0] < begin + h:
+        return False
     for k in range(both.shape[1]):
         both[1, k] = 0.0
     now[_COMMAND] = now[_GOAL] = samples[place, 1]
     now[_FIRST] = 1.0
-    if row == len(samples) or samples[row, 0] >= end:
-        return
-    if row + 1 == len(samples) or samples[row + 1, 0] >= end:
+    if row < len(samples) and samples[row, 0] < begin + h:
         now[_NEXT] = now[_GOAL] = samples[row, 1]
         now[_FIRST] = (samples[row, 0] - begin) / h
-        return
-    now[_COMMAND] = 0.0
-    while row < len(samples) and samples[row, 0] < end:
-        now[_COMMAND] += samples[row - 1, 1] * (samples[row, 0] - moment) / h
-        both[1, at[_DELAY]] += (samples[row - 1, 1] - samples[row, 1]) / h
-        moment = samples[row, 0]
+    return True
+
+
+@inlined
+def _added(p: Array, samples: Array, begin: float, h: float, place: int, now: Array) -> None:
+    """Write mean commanded velocity and added duty of a step, and the derivative of their duty by the delay."""
+    row, moment, rate, fed = place, begin, 0.0, 0.0
+    while row + 1 < len(samples) and samples[row + 1, 0] < begin + h:
+        span, moment = samples[row + 1, 0] - moment, samples[row + 1, 0]
+        rate, fed = rate + samples[row, 2] * span, fed + samples[row, 3] * span
         row += 1
-    now[_COMMAND] += samples[row - 1, 1] * (end - moment) / h
-    now[_GOAL] = samples[row - 1, 1]
+    left = begin + h - moment
+    now[_RATE], now[_FED] = (rate + samples[row, 2] * left) / h, (fed + samples[row, 3] * left) / h
+    change = p[_KD] * (samples[place, 2] - samples[row, 2]) + samples[place, 3] - samples[row, 3]
+    now[_BY_DELAY] = change / h
 
 
 @inlined
@@ -79,8 +85,7 @@ def _follow(p: Array, samples: Array, begin: float, h: float, place: int, both: 
     slew = p[_SLEW]
     while place + 1 < len(samples) and samples[place + 1, 0] <= begin:
         place += 1
-    if slew == math.inf:
-        _jump(samples, begin, h, place, both, now, at)
+    if slew == math.inf and _jump(samples, begin, h, place, both, now):
         return place
     row, total, moment, after_cut, goal, now[_FIRST] = place, 0.0, begin, 0.0, now[_GOAL], 1.0
     for k in range(both.shape[1]):
@@ -187,6 +192,7 @@ def _drive_slopes(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -
     if now[_FIRST] < 1.0:
         force[at[_DELAY]] += full * now[_JUMP] / now[_SPAN]
     force[at[_GAIN]] += full * now[_PER_ERROR] * now[_ERROR]
+    force[at[_DELAY]] += most * now[_BY_DELAY]
     force[at[_KD]] += most * now[_RATE]
     force[at[_TORQUE]] += now[_ACTIVE] * now[_DUTY]
     for k in range(len(force)):
@@ -379,7 +385,7 @@ def roll_out(
             begin = samples[i, 0] + step * h - p[_DELAY]
             place = _follow(p, samples, begin, h, place, slopes[6:8], now, at)
             load = loads[parts * i + step * parts // steps]
-            now[_RATE], now[_FED] = samples[place, 2], samples[place, 3]
+            _added(p, samples, begin, h, place, now)
             before, middle = v, _middle(h, v, now, slopes)
             q += 0.5 * h * v
             v, motor, external = _push(p, h, q, before, middle, load, law, now)

@@ -251,10 +251,10 @@ _WITH_BODIES: Final = (mujoco_model, urdf_dynamics)
 def export_remarks(estimate: ActuatorEstimate, target: str) -> list[str]:
     """Return what has to be said of an export: torques that are not known, bodies that a target has not."""
     has_model, found = TARGETS.get(target) in _WITH_BODIES, list[str]()
-    unknown = [joint.name for joint in estimate.joints if not joint.has_torque]
+    unknown = [joint.name for joint in estimate.joints if not np.isfinite(simulator_joint(joint, 1.0).largest_torque)]
     if unknown:
         limit = "the effort limit of the robot model holds" if has_model else "none is written"
-        found.append(f"the largest torque of {', '.join(unknown)} is not known apart from the gain: {limit}")
+        found.append(f"the largest torque of {', '.join(unknown)} is not known: {limit}")
     ratios = [joint.name for joint in estimate.joints if lacks_scale({one.name: one.label for one in joint.known})]
     if ratios:
         found.append(

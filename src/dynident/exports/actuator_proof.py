@@ -16,7 +16,7 @@ from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.servo_motions import MOST_TURN, MotionFrame
 from dynident.arrays import Array
 from dynident.exports.actuator_bodies import robot_of
-from dynident.exports.actuator_files import TARGETS, gain_for, mujoco_model, mujoco_spec
+from dynident.exports.actuator_files import TARGETS, gain_for, mujoco_model, mujoco_spec, simulator_joint
 from dynident.model.robot import Robot
 
 #: Largest mean absolute difference in rad that counts as the same motion.
@@ -111,8 +111,8 @@ def _driven(engine: Any, model: Any, commands: Array, places: Array, drives: Arr
 
 def _difference(estimate: ActuatorEstimate, robot: Robot, k: int, log: ServoLog) -> float:
     laws, parameters = [joint.law for joint in estimate.joints], [joint.simple.copy() for joint in estimate.joints]
-    if not estimate.joints[k].has_torque:  # its model has the effort limit of the robot model
-        effort = robot.active[k].limits.effort
+    if not np.isfinite(simulator_joint(estimate.joints[k], 1.0).largest_torque):
+        effort = robot.active[k].limits.effort  # which its model has
         laws[k] = replace(laws[k], limit=effort / parameters[k][PLACE["full_torque"]])
     for own in parameters:
         own[PLACE["angle_offset"]], own[PLACE["slew_limit"]] = 0.0, np.inf

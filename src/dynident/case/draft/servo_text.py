@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.actuators.drive_law import COUNTS, PRESETS
 from dynident.actuators.lerobot_calibration import GRIPPER, SHARES
-from dynident.case.draft.column_words import ENABLED, OTHER, SHARE_WORDS, SIGNAL, tokens_of
+from dynident.case.draft.column_words import ENABLED, KIND, OTHER, SHARE_WORDS, SIGNAL, tokens_of
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.yaml_words import asked, few, offered, quoted
 
@@ -36,8 +36,8 @@ def has_counts(found: Recognised) -> bool:
     return is_whole and max(float(np.nanmax(np.abs(own))) for own in values) > _TURN
 
 
-def servo_remark(found: Recognised) -> str:
-    """Return why the case is for actuators, with the columns that are no joint torques though they may look so."""
+def _not_read(found: Recognised) -> tuple[list[str], list[str]]:
+    """Return the columns that are no joint torques though they may look so: shares of drives, torques and currents."""
     used = {name for source in found.sources.values() for name in source.columns}
     shares, others = [], []
     for name in found.header:
@@ -48,11 +48,17 @@ def servo_remark(found: Recognised) -> str:
             others.append(name)
         elif SHARE_WORDS & words:
             shares.append(name)
+    return shares, others
+
+
+def servo_remark(found: Recognised) -> str:
+    """Return why the case is for actuators, with the columns that are no joint torques though they may look so."""
+    shares, others = _not_read(found)
     told = "the case is for the actuators, from commands and positions"
     if not shares and not others:
         return f"no torques and no currents: {told}"
     step = "where they are torques or currents of all joints, name them (log: columns) and take servo out"
-    why = "load and duty of a servo are shares of its drive, no torques" if not others else "not one for each joint"
+    why = "load and duty of a servo are shares of its drive, no torques" if not others else "not measured at each joint"
     return f"not read: {few([*others, *shares], 8)} ({why}); {told}; {step}"
 
 
@@ -74,6 +80,11 @@ def _gripper_line(found: Recognised) -> list[str]:
             )
             return [asked("  calibration", text)]
     return []
+
+
+def _is_velocity_command(name: str) -> bool:
+    words = tokens_of(name)
+    return any(SIGNAL.get(word) == "dq" for word in words) and any(KIND.get(word) == "commanded" for word in words)
 
 
 def servo_lines(found: Recognised, logs: Sequence[str]) -> list[str]:
@@ -101,6 +112,14 @@ def servo_lines(found: Recognised, logs: Sequence[str]) -> list[str]:
         lines.append(f"  enabled: {names}   # 1 where the drive is on, by its name")
     else:
         lines.append(offered("  # enabled: torque_enable", "is the drive off in a part of the log? Name the column"))
+    joints, sent = len(found.sources["q"].columns), _not_read(found)[1]
+    told = [name for name in found.header if _is_velocity_command(name)]
+    if len(told) == joints and "dq_ref" not in found.sources:
+        text = f"are {few(told, 8)} sent too, and damped by a gain? Then name them: log: {{columns: {{dq_ref: [...]}}}}"
+        lines.append(offered("  # damping_gain: free", text))
+    if len(sent) == joints:
+        columns = f"  # feedforward: [{', '.join(map(quoted, sent))}]"
+        lines.append(offered(columns, "are they torques that are sent beside the command (law: mit)?"))
     if has_counts(found):
         largest = max(float(np.nanmax(np.abs(one.signals["q"]))) for one in found.readings)
         text = (
