@@ -150,6 +150,14 @@ def test_turns_that_say_otherwise_than_small_changes_are_believed(tmp_path: Path
     np.testing.assert_allclose(after.turns[0], [arm.true[:, PLACE["angle_offset"]], np.zeros(3)])
 
 
+def test_a_joint_whose_first_search_ends_far_from_the_answer_is_sought_again(tmp_path: Path) -> None:
+    """Its Coulomb friction was found half as large as it is, and called identified."""
+    for joint in servos.one(83, 3, tmp_path)["joints"]:  # pyright: ignore
+        assert joint["coulomb"]["value"] == pytest.approx(joint["coulomb"]["true"], rel=0.03)
+        zero = joint.get("angle_offset")
+        assert zero is None or abs(zero["value"] - zero["true"]) < 1e-3, zero
+
+
 @pytest.mark.battery
 @pytest.mark.parametrize(("seed", "most"), [(8, 0.005), (16, 0.02)])
 def test_zeros_of_neighbours_that_trade_against_each_other_are_found(tmp_path: Path, seed: int, most: float) -> None:

@@ -11,7 +11,7 @@ from dynident.actuators.arm_bodies import free_bodies, stated_bodies
 from dynident.actuators.arm_coupling import Arm
 from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, finished, settled, turned
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
-from dynident.actuators.joint_fit import OFF_S, JointData, JointFit, at_ratio, first_fit, richer_fit
+from dynident.actuators.joint_fit import OFF_S, JointData, JointFit, at_ratio, first_fit, richer_fit, sought_again
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
 from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
@@ -19,6 +19,7 @@ from dynident.actuators.parameters import PLACE, with_zero
 from dynident.actuators.poor_fit import poor_fit
 from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, rolled_out, started
 from dynident.actuators.servo_log import (
+    AUTO,
     ServoLog,
     ServoSetup,
     check_gains,
@@ -134,6 +135,11 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
     is_all = len(first) == len(arm.datas[0].train)
     most = (MOST_TURNS if is_all else FEW_TURNS) if friction == "m1" else FIRST_TURNS
     part = settled(replace(part, fits=fits, used=used), progress, most=most)
+    pairs = list(zip(part.datas, part.fits, strict=True))
+    if friction in ("m1", AUTO) and len(pairs) > 1:
+        fits = [sought_again(*each, effort) for each in pairs]
+        is_same = all(one is other for one, other in zip(fits, part.fits, strict=True))
+        part = part if is_same else settled(replace(part, fits=fits), progress, most=most)
     if friction != "m1":
         pairs = list(zip(part.datas, part.fits, strict=True))
         fits = [richer_fit(*each, friction, effort, progress, from_fit=len(pairs) > 1) for each in pairs]

@@ -19,9 +19,16 @@ from dynident.actuators.linear_start import (
     refinable,
     start_at,
 )
-from dynident.actuators.output_error import RefineEffort, ServoProblem, output_error, refined, starts_from
+from dynident.actuators.output_error import (
+    RefineEffort,
+    ServoProblem,
+    log_errors,
+    output_error,
+    refined,
+    starts_from,
+)
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
-from dynident.actuators.rollout import ROUGH_STEP, SEARCH, SEARCH_STEP, JointRecord, rolled_out, started
+from dynident.actuators.rollout import ROUGH_STEP, SEARCH, SEARCH_STEP, JointRecord, encoder_step, rolled_out, started
 from dynident.actuators.servo_log import AUTO
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
@@ -32,6 +39,9 @@ GAIN_RATIOS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 #: A gain counts as separable where saturation lowers the error of the roll-outs by this share, and at least this share
 #: of the samples saturates.
 SEPARATES, SATURATED = 0.05, 0.01
+
+#: Errors of this many times the noise of the encoder may be those of a search that ended far from the answer.
+_BESIDE = 2.0
 
 #: A slew limit of the goal that is faster than the fastest motion by this factor is none.
 NO_LIMIT = 10.0
@@ -186,6 +196,24 @@ def richer_fit(
     progress(f"{data.name}: output error, friction {friction}")
     richer = _refined(data, friction, fit.scanned, fit.ratio, effort, fit if from_fit else None)
     return replace(richer, folds=folds, simple=fit.simple, simple_free=fit.free)
+
+
+def sought_again(data: JointData, fit: JointFit, effort: RefineEffort) -> JointFit:
+    """Return the fit of a joint of an arm from several starts about it, under loads that are known better now.
+
+    Only where it leaves more than the encoder's noise: under the first loads the search may have ended far from it.
+
+    Args:
+        data: The joint.
+        fit: With m1.
+        effort: How long to look.
+    """
+    noise, before = encoder_step(data.train) / np.sqrt(12.0), log_errors(fit.problem(data), fit.parameters)
+    if np.median(before) <= _BESIDE * noise:
+        return fit
+    found = _refined(data, "m1", fit.scanned, fit.ratio, effort, fit)
+    after = log_errors(found.problem(data), found.parameters)
+    return found if np.log(after).mean() < np.log(before).mean() else fit
 
 
 def _refined(
