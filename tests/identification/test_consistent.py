@@ -27,7 +27,7 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import PSEUDO_BASIS, Inertia
 from dynident.model.reduction import Reduced
-from dynident.model.robot import Joint, Link, Robot
+from dynident.model.robot import Drive, Joint, Link, Robot
 
 ARMS = ("pendulum", "planar_2r", "planar_3r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
 FREE = Consistent(bodies="free")
@@ -49,6 +49,27 @@ def theta_of(model: DynamicModel, mass: float = 1.0, length: float = 1.0) -> Arr
 def vertical_slide() -> Robot:
     slide = Joint("joint1", "prismatic", -1, np.eye(3), np.zeros(3), np.array([0, 0, 1.0]))
     return Robot("lift", (Link("link1"),), (slide,))
+
+
+@pytest.mark.parametrize("stated", [0.02, 0.3], ids=["too small", "too large"])
+@pytest.mark.parametrize("bodies", ["free", "plausible"])
+def test_a_rotor_is_found_beside_a_stated_inertia_of_any_size(
+    stated: float, bodies: str, planar_2r: Robot, exact_log: MakeLog
+) -> None:
+    """What is identified is the rest: less than 0 where the robot model states too much, and no less than that."""
+    rotors = np.array([0.1, 0.08])
+    model = model_of(planar_2r, *PARTS)
+    names = [parameter.name for parameter in model.parameters]
+    places = [names.index(f"Ia[{joint}]") for joint in planar_2r.joint_names]
+    theta = theta_of(model)
+    theta[places] = rotors
+    known = model_of(planar_2r.with_drives(dict.fromkeys(planar_2r.joint_names, Drive(1.0, stated))), *PARTS)
+    estimate = fit(build_problem(known, [exact_log(model, theta)], GIVEN), Consistent(bodies=bodies))
+    assert estimate.theta is not None and estimate.consistency.consistent, estimate.consistency.reasons
+    found = np.asarray(estimate.theta)[places] + stated
+    np.testing.assert_allclose(found[1], rotors[1], rtol=1e-2)  # the first one is seen with its link
+    assert np.all(found >= -1e-9)
+    assert broken_conditions(known, np.where(np.isin(np.arange(len(theta)), places), -stated - 0.01, estimate.theta))
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["description", "bare"])

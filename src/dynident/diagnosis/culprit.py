@@ -35,7 +35,7 @@ def culprit(model: DynamicModel, base: BaseParameters, beta: Array, theta: Array
     scale = scale_of_base(model, base, beta)
     if theta is not None:
         depths = {
-            parameter.name: float(value / size)
+            parameter.name: float((value - parameter.least) / size)
             for parameter, value, size in zip(model.parameters, theta, scale.parameters, strict=True)
             if parameter.nonnegative
         }

@@ -99,12 +99,12 @@ def with_nominal(estimate: Estimate, problem: Problem) -> Estimate:
         rows.append(matrix @ free[triangle.columns])
         target.append(torque - matrix @ still[triangle.columns])
     parameters, every, torques = problem.base.parameters[len(nominal) :], np.concatenate(rows), np.concatenate(target)
-    signs = np.array([parameter.nonnegative for parameter in parameters], bool)
+    least = np.array([parameter.least if parameter.nonnegative else -np.inf for parameter in parameters])
     friction, kept = np.zeros(len(parameters)), np.full(len(parameters), True)
     while kept.any():
         friction = np.zeros(len(parameters))
         friction[kept] = np.linalg.lstsq(every[:, kept], torques)[0]
-        if not (wrong := signs & (friction < 0)).any():
+        if not (wrong := friction < least).any():
             break
         kept &= ~wrong
     named = {parameter.name: float(value) for parameter, value in zip(parameters, friction, strict=True)}

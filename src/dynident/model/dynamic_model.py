@@ -70,7 +70,11 @@ class DynamicModel(ModelMethods):
         each = [pair for part in self.friction for pair in zip(part.coefficients, part.is_inertia, strict=True)]
         joints = self.robot.active
         friction = tuple(
-            Parameter(c.symbol, joint.name, c.unit_of(joint.kind), "rotor" if inertia else "friction", c.nonnegative)
+            Parameter(
+                c.symbol, joint.name, c.unit_of(joint.kind), "rotor", c.nonnegative, -joint.drive.reflected_inertia
+            )
+            if inertia
+            else Parameter(c.symbol, joint.name, c.unit_of(joint.kind), "friction", c.nonnegative)
             for joint, (c, inertia) in ((joints[j], each[k]) for j, k in zip(*self.terms, strict=True))
         )
         return inertial_parameters(self.robot) + friction

@@ -32,7 +32,8 @@ class Parameter:
         owner: Link or joint that it belongs to.
         unit: Such as ``"kg m^2"``.
         kind: What it describes.
-        nonnegative: Whether physics asks for a value >= 0 by itself (friction, rotor inertia).
+        nonnegative: Whether physics asks for a value >= ``least`` by itself (friction, rotor inertia).
+        least: Less than 0 for a rotor of which the robot model states an inertia: the value is beside that one.
     """
 
     symbol: str
@@ -40,6 +41,7 @@ class Parameter:
     unit: str
     kind: Kind = "body"
     nonnegative: bool = False
+    least: float = 0.0
 
     @property
     def name(self) -> str:

@@ -185,7 +185,8 @@ def _scaled(rows: list[_Row], scale: Scale) -> tuple[Array, Array, tuple[str, ..
 def _signs(model: DynamicModel) -> Iterator[_Row]:
     for k, parameter in enumerate(model.parameters):
         if parameter.nonnegative:
-            yield _Row(k, np.ones(1), 0.0, f"{parameter.name} >= 0", unit=parameter.unit)
+            words = f"{parameter.name} >= {parameter.least:.4g}"
+            yield _Row(k, np.ones(1), -parameter.least, words, unit=parameter.unit)
 
 
 def _stated(model: DynamicModel, known: Constraints) -> Iterator[_Row]:

@@ -10,12 +10,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.identification.consistency.conditions import (
-    IDENTITY_VECTOR,
-    Conditions,
-    unstack_vectors,
-    vector_rows,
-)
+from dynident.identification.consistency.conditions import IDENTITY_VECTOR, Conditions, unstack_vectors, vector_rows
 from dynident.identification.consistency.program import Multipliers, Program, whitened_rows
 from dynident.model.lapack import lapack_of_scipy
 

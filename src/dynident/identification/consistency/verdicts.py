@@ -30,8 +30,9 @@ def broken_conditions(model: DynamicModel, theta: Array) -> tuple[str, ...]:
             why = inertia.defect() or "the pseudo-inertia is not positive definite"
             reasons.append(f"{link.name}: {why}")
     for parameter, value in zip(model.parameters, theta, strict=True):
-        if parameter.nonnegative and value < 0:
-            reasons.append(f"{parameter.name} = {value:.4g} {parameter.unit} is negative")
+        if parameter.nonnegative and value < parameter.least:
+            below = f"below {parameter.least:.4g}" if parameter.least else "negative"
+            reasons.append(f"{parameter.name} = {value:.4g} {parameter.unit} is {below}")
     return tuple(reasons)
 
 

@@ -28,14 +28,7 @@ from dynident.model.kernels.inputs import parameters, samples
 from dynident.model.kernels.joint_columns import JointColumns
 from dynident.model.robot import Chain
 
-__all__ = [
-    "JointColumns",
-    "forward_dynamics",
-    "inverse_dynamics",
-    "link_poses",
-    "mass_matrix",
-    "torque_regressor",
-]
+__all__ = ["JointColumns", "forward_dynamics", "inverse_dynamics", "link_poses", "mass_matrix", "torque_regressor"]
 
 #: Fewer samples than this are not worth a thread of their own.
 SHARE = 512

@@ -231,8 +231,10 @@ class PooledLogs:
             )
             for own, row in zip(self._shared.bodies.columns, np.asarray(self._robot.coupling).T, strict=True)
         ]
-        made = self._rows_of(parts)
+        made, stated = self._rows_of(parts), bool(np.any(self._robot.reflected_inertia))
         signs = [rigid.parameters[k].nonnegative for k in rigid.independent] + [False] * later
+        beside = [stated and any(part.is_inertia) for part in parts] * len(drives)  # the stated rotor's, it may be < 0
+        signs += [c.nonnegative and not is_rest for each, is_rest in zip(has, beside, strict=True) for c in each]
         blocks, every = np.cumsum([0, *(len(log.rows) for log in self._logs)]), [np.concatenate(own) for own in places]
         products = tuple(np.zeros((blocks[-1], len(own), len(own))) for own in every)
         fast = tuple(np.zeros((1, len(own), len(own))) for own in every)
@@ -246,7 +248,7 @@ class PooledLogs:
             tuple(every),
             products,
             np.concatenate([log.rows for log in self._logs]),
-            np.array([*signs, *(c.nonnegative for each in has for c in each)], dtype=bool),
+            np.array(signs, dtype=bool),
             fast,
             np.sum([np.sum((log.block >= 0)[:, None] & log.mask & log.fast, axis=0) for log in self._logs], axis=0),
             tuple(views),
