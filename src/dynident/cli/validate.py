@@ -1,7 +1,6 @@
 """Validate an estimate on test logs, preprocessed as in training.
 
-dynident validate estimate.json other-run.csv
-dynident validate estimate.json other-run.csv --json --report report.html
+dynident validate estimate.json other-run.csv --report report.html
 dynident validate estimate.json other-run.csv --accept total_error=5% better_than_nominal
 dynident validate estimate.json run.mcap --case bag.yaml
 

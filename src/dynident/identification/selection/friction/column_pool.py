@@ -29,11 +29,9 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.base import Coefficient, Friction, Inputs, Motion, Number, State
 from dynident.model.robot import Robot
 
-#: Rows in a period of the filter's cut-off that are compared.
-ROWS = 8.0
-
-#: Bytes that rows of friction columns may take between two pools.
-KEPT = 2**28
+#: Rows in a period of the filter's cut-off that are compared, and bytes that rows of friction columns may take between
+#: two pools.
+ROWS, KEPT = 8.0, 2**28
 
 #: Rows of the columns of a friction part in a log, by joint, and rows of which products are made at a time at most.
 FrictionRows: TypeAlias = list[Array]
