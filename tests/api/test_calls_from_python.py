@@ -14,7 +14,9 @@ import pandas
 import pytest
 
 import dynident as di
+from dynident.errors import BadOption
 from dynident.model.documents.robot_data import robot_to_dict
+from dynident.model.robot import Mimic
 
 FRICTION = [0.3, 0.1, 0.2, -0.1]
 SHAPES = r"q: shape \(2, 1200\) where \(1200, 2\) is wanted; write q\.T"
@@ -148,6 +150,19 @@ WRONG: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
     (lambda log: log | {"q": np.ma.masked_greater(log["q"], 0.5)}, r"masked, first in row \d+; keep .*np\.ma\.filled"),
     (lambda log: log | {"q": [*log["q"].tolist()[:-1], [1.0]]}, "q: list that is no array of numbers; give rows"),
     (lambda log: log | {"time": log["time"][::-1]}, r"time: it runs back at row 1 .*; sort the samples: order = np\."),
+    (
+        lambda log: {name: values.reshape(3, 400, -1) for name, values in log.items()},
+        r"q: shape \(3, 400, 2\), several episodes in one array; pass a list of logs, one an episode: "
+        r'\[\{"time": time\[k\], "q": q\[k\], "torque": torque\[k\]\} for k in range\(len\(q\)\)\]$',
+    ),
+    (
+        lambda log: log | {"time": np.tile(log["time"][:400], 3)},
+        r"time: it runs back at row 400 .*; pass a list of logs, one for each of the 3 recordings: cuts = ",
+    ),
+    (
+        lambda log: log | {"time": np.round(log["time"], 1)},
+        r"time: it repeats at row 1 .*; of samples that repeat, leave out the \d{3,} that have it again$",
+    ),
     (lambda log: log | {"time": (1e9 * log["time"]).astype("datetime64[ns]")}, r"np\.timedelta64\(1, \"s\"\)"),
     (lambda log: log | {"time": np.stack([log["time"]] * 2)}, r"time: shape \(2, 1200\) where \(N,\) is wanted"),
     (lambda log: {name: log[name] for name in ("time", "q")}, "logs: neither torques nor currents with drive gains"),
@@ -167,6 +182,44 @@ def test_wrong_logs(made: Callable[[dict[str, Any]], Any], told: str, arm: Any) 
     robot, log = arm
     with pytest.raises(di.BadArgument, match=told):
         di.identify(robot, made(log))
+
+
+def test_the_lines_for_several_episodes_work(arm: Any) -> None:
+    """Each line of the messages above gives the logs that were put together."""
+    robot, log = arm
+    time, q, torque = (values.reshape(3, 400, -1) for values in log.values())
+    starts = np.tile(log["time"][:400], 3)
+    for given in (
+        {"time": time[..., 0], "q": q, "torque": torque},
+        {"time": log["time"], "q": q, "torque": torque},
+        {"time": log["time"][:400], "q": q, "torque": torque},
+        log | {"time": starts},
+    ):
+        with pytest.raises(di.BadArgument) as told:
+            di.identify(robot, given)
+        head, _, line = str(told.value).rpartition(", then ") if "cuts" in str(told.value) else ("", "", "")
+        names = {"np": np, **given}
+        if line:
+            exec(head.rpartition("recordings: ")[2], names)
+        logs = eval(line or str(told.value).rpartition("an episode: ")[2], names)
+        assert [np.shape(each["q"]) for each in logs] == [(400, 2)] * 3
+        assert np.array_equal(logs[2]["q"], q[2]) and len(di.log_of(logs[1], robot).time) == 400
+
+
+def test_a_joint_that_follows_another_is_named_where_it_has_a_column(arm: Any) -> None:
+    robot, log = arm
+    one, two = (free := di.read_robot(robot)).joints
+    tied = replace(free, joints=(one, replace(two, mimic=Mimic(one.name))), coupling=np.eye(1))
+    with pytest.raises(di.BadArgument, match=rf"{two.name} follows others: np\.delete\(array, \[1\], axis=1\)$"):
+        di.identify(tied, log)
+
+
+def test_folds_that_make_no_parts_are_refused_before_the_fit(arm: Any) -> None:
+    robot, log = arm
+    for folds in (3000, 1, -3):
+        with pytest.raises(BadOption, match=rf"folds = {folds} is not possible; give 2 to \d+ folds"):
+            di.identify(robot, log, trust=di.TrustOptions(diagnose=True, folds=folds))
+    assert di.identify(robot, log, "ols", trust=di.TrustOptions(diagnose=True, folds=6)).diagnostics is not None
 
 
 def test_wrong_options(arm: Any, estimate: di.Estimate) -> None:

@@ -72,7 +72,7 @@ def test_a_rest_that_determines_nothing_is_named(bench: Bench) -> None:
 
 def test_impossible_folds(bench: Bench) -> None:
     problem = bench.problem(bench.white(0))
-    for folds, reason in ((1, "give 2 or more parts"), (0, "there is one log"), (-2, "give 2 or more")):
+    for folds, reason in ((1, "give 2 to"), (0, "there is one log"), (-2, "give 2 to"), (100_000, "give 2 to")):
         with pytest.raises(BadOption, match=reason):
             cross_validate(problem, OLS(), bench.truth, folds)
 

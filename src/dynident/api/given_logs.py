@@ -16,6 +16,7 @@ from dynident.api.log_checks import case_of_model
 from dynident.applications.states import motion_of_arrays, plain_numbers
 from dynident.arrays import Array
 from dynident.case.case import Case, read_case
+from dynident.case.evidence.rows import sortable
 from dynident.data.formats import ColumnMap
 from dynident.data.log import Log, Source
 from dynident.data.log_of_robot import with_meaning
@@ -245,14 +246,17 @@ def _checked(found: Mapping[str, Any], robot: Robot | None) -> Log:
         step = 'write time = (time - time[0]) / np.timedelta64(1, "s")'
         raise BadArgument("time", f"{time.dtype} where seconds are wanted", step)
     time = plain_numbers("time", time)
+    if getattr(found["q"], "ndim", 0) == 3:
+        step = f"pass a list of logs, one an episode: {_list_of_logs(found, time)}"
+        raise BadArgument("q", f"shape {np.shape(found['q'])}, several episodes in one array", step)
     if time.ndim != 1:
         raise BadArgument("time", f"shape {time.shape} where (N,) is wanted", "write time.ravel(), one time a sample")
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         row = int(back[0]) + 1
         word = "repeats" if time[row] == time[row - 1] else "runs back"
-        step = "sort the samples: order = np.unique(time, return_index=True)[1], then time[order], q[order], ..."
-        raise BadArgument("time", f"it {word} at row {row} ({time[row - 1]:.9g} s, then {time[row]:.9g} s)", step)
+        evidence = f"it {word} at row {row} ({time[row - 1]:.9g} s, then {time[row]:.9g} s)"
+        raise BadArgument("time", evidence, _forward(time, list(found)))
     signals = {name: _rows(name, values, len(time), robot) for name, values in found.items() if name != "time"}
     count = signals["q"].shape[1]
     for name, values in signals.items():
@@ -262,6 +266,29 @@ def _checked(found: Mapping[str, Any], robot: Robot | None) -> Log:
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(each).tobytes() for each in (time, *signals.values())))
     joints = robot.joint_names if robot else tuple(f"joint{k}" for k in range(1, count + 1))
     return Log(joints, time, source=Source(ARRAYS, digest.hexdigest(), len(time), ("given as arrays",)), **signals)
+
+
+def _list_of_logs(found: Mapping[str, Any], time: Array) -> str:
+    """Return the line that makes a list of logs of arrays by episode."""
+    episodes, rows = np.shape(found["q"])[:2]
+    clock = "time[k]" if time.ndim > 1 else "time.reshape(len(q), -1)[k]" if len(time) == episodes * rows else "time"
+    parts = [f'"{name}": {clock if name == "time" else f"{name}[k]"}' for name in found]
+    return f"[{{{', '.join(parts)}}} for k in range(len(q))]"
+
+
+def _forward(time: Array, names: Sequence[str]) -> str:
+    """Return what to do about a time that does not run forward; no step leaves samples out without their number."""
+    steps = np.diff(time)
+    back = np.count_nonzero(steps < 0)
+    if not back:
+        lost = np.count_nonzero(steps == 0)
+        return f"give the time with all its digits; of samples that repeat, leave out the {lost} that have it again"
+    if sortable(time) or 10 * back > len(time):  # of mere handfuls of samples in order there are no recordings
+        return "sort the samples: order = np.argsort(time), then time[order], q[order], ..."
+    parts = ", ".join(f'"{name}": {name}[a:b]' for name in names)
+    cuts = "cuts = [0, *(np.flatnonzero(np.diff(time) < 0) + 1), len(time)]"
+    logs = f"[{{{parts}}} for a, b in zip(cuts, cuts[1:])]"
+    return f"pass a list of logs, one for each of the {back + 1} recordings: {cuts}, then {logs}"
 
 
 def _rows(name: str, values: Any, rows: int, robot: Robot | None) -> Array:
@@ -282,6 +309,10 @@ def _rows(name: str, values: Any, rows: int, robot: Robot | None) -> Array:
 def _of_joints(robot: Robot, columns: int) -> str:
     """Return what to do where a log has another number of columns than the robot has moving joints."""
     joints = f"one column for each of the joints {', '.join(robot.joint_names)}"
+    tied = {place: joint.name for place, joint in enumerate(robot.joints) if joint.mimic is not None}
+    if tied and columns == len(robot.joints):
+        called = " and ".join(tied.values())
+        return f"give {joints}; {called} follow{'s' * (len(tied) == 1)} others: np.delete(array, {[*tied]}, axis=1)"
     if not 0 < columns < robot.dof:
         return f"give {joints}"
     held = ", ".join(f'"{name}": 0.0' for name in robot.joint_names[columns:])

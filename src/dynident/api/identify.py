@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeGuard
 
+import numpy as np
+
 from dynident.api.case_logs import read_data
 from dynident.api.case_options import estimator_of, prior_of
 from dynident.api.given_logs import LogLike, case_of, check_kinds, logs_of
@@ -14,6 +16,7 @@ from dynident.api.log_checks import add_causes, check_logs, refuse_faulty, warn_
 from dynident.case.case import Case
 from dynident.case.mesh_bounds import with_mesh_points
 from dynident.data.formats import ColumnMap
+from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
 from dynident.diagnosis.verdict import causes_against
 from dynident.errors import BadOption, DynidentError
@@ -31,6 +34,9 @@ if TYPE_CHECKING:
 
 #: What is found out about how far to trust an estimate where nothing else is asked for.
 DEFAULT_TRUST = TrustOptions(diagnose=True, sensitivity=True, nominal=True)
+
+#: Folds of a cross-validation at most: a part more leaves a hundredth of the logs out, and its error is the same.
+MOST_FOLDS = 100
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,7 @@ def identify(
 
     Raises:
         BadArgument: An argument of a wrong kind or shape; the message has the line that works.
-        BadOption: A model without logs, one fold, or too few draws.
+        BadOption: A model without logs, too few or too many folds, or too few draws.
         NotAccepted: The unit of the time or a column makes no sense, or with ``strict`` any finding at error level.
         ContradictoryConstraints: No robot meets the constraints.
         LogMismatch: A log does not fit the robot, or is too short.
@@ -100,6 +106,7 @@ def identify(
 
         return identify_digest(logs, part, knowledge.constraints, knowledge.prior, provenance, progress)
     logs = read_data(case).train if logs is None else logs_of(logs, case.robot, case.read)
+    _check_folds(trust.folds, case, logs, "--cross-validate" if record.command else "folds")
     if record.checks:
         provenance["log_quality"] = check_logs(case, logs, progress)
         refuse_faulty(provenance["log_quality"], record.strict)
@@ -112,6 +119,18 @@ def identify(
     estimate = _recorded(estimate, case, record, provenance)
     warn_of(causes_against(estimate), record.command)
     return estimate
+
+
+def _check_folds(folds: int, case: Case, logs: Sequence[Log], name: str) -> None:
+    """Refuse folds of a cross-validation that make no parts of the logs: each has as many samples as parameters.
+
+    Raises:
+        BadOption: Fewer than two, or more than that.
+    """
+    samples = sum(log.duration * min(log.rate, case.preprocessing.rows_hz(log.rate) or log.rate) for log in logs)
+    most = int(np.clip(samples / len(case.model.parameters), DEFAULT_TRUST.folds, MOST_FOLDS))
+    if folds and not 2 <= folds <= most:
+        raise BadOption(name, folds, f"give 2 to {most} folds of the training logs, or 0 for none")
 
 
 def _recorded(estimate: Estimate, case: Case, record: Record, provenance: Mapping[str, Any]) -> Estimate:

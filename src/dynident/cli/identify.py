@@ -82,7 +82,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     trust.add_argument("--no-check", action="store_true", help="skip the log checks; the verdict says so")
     jobs.add_accept(trust)
     trust.add_argument(
-        "--cross-validate", type=int, metavar="N", help="folds of the cross-validation; 0: none; default: 5"
+        "--cross-validate", type=int, metavar="N", help="folds of the cross-validation, 2 to 100; 0: none; default: 5"
     )
     trust.add_argument("--bootstrap", type=int, default=0, metavar="N", help="bootstrap intervals by N fits")
     trust.add_argument(

@@ -94,12 +94,12 @@ def cross_validate(
         refit: Of the estimator and its run on all rows: what that settled is not sought again without each part.
 
     Raises:
-        BadOption: Fewer than two parts.
+        BadOption: Fewer than two parts, or more than samples.
     """
     if folds == 0 and len(problem.logs) < 2:
         raise BadOption("folds", folds, "there is one log; give 2 or more parts")
-    if folds < 0 or folds == 1:
-        raise BadOption("folds", folds, "give 2 or more parts, or 0 for one a log")
+    if folds and not 2 <= folds <= problem.samples:
+        raise BadOption("folds", folds, f"give 2 to {problem.samples} parts, or 0 for one a log")
     passes = passes or RowPasses(problem)
     parts = _by_log(problem, passes) if folds == 0 else _blocks(problem, passes, folds)
     used = estimator if estimator.fits_folds else WLS()
