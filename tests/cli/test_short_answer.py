@@ -221,3 +221,23 @@ def test_the_mass_of_all_links_stands_with_what_the_data_say_of_it(
             masses = np.array([estimate.theta[9:20:10].sum(), 1.1 * robot.nominal[9:20:10].sum()])
             assert 0 < half < 0.1 * masses[1] and abs(masses[0] - masses[1]) < 2 * half
             assert f"kg in all (± {half:.2g}, 95 %)" in line
+
+
+def test_the_furthest_mass_stands_with_its_interval_and_only_where_that_does_not_hold_the_nominal_one(
+    planar_2r: Robot, exact_log: Callable[..., Log]
+) -> None:
+    model = DynamicModel(planar_2r, (FRICTION.make("viscous"),))
+    assert planar_2r.nominal is not None
+    log = exact_log(model, np.append(1.3 * planar_2r.nominal, [0.3, 0.2]), noise=0.05)
+    estimate = identify(model, [log], "consistent", Preprocessing(AsGiven(), rest="keep"))
+    assert estimate.theta is not None
+    masses, nominal = estimate.theta[9:20:10], planar_2r.nominal[9:20:10]
+    stds, away = np.full(len(estimate.theta), np.nan), np.abs(masses - nominal)
+    for share, is_told in ((0.1, True), (2.0, False)):
+        stds[9:20:10] = share * away / 1.96
+        line = short_answer.bodies_line(replace(estimate, standard_deviations=stds))
+        assert ("; furthest: " in line) is is_told and ("beyond its 95 % interval" in line) is not is_told
+    stds[[9, 19]] = 2.0 * away[0] / 1.96, 0.1 * away[1] / 1.96  # the other one does, however small its change
+    line = short_answer.bodies_line(replace(estimate, standard_deviations=stds))
+    assert f"furthest: link2 {masses[1]:.3g} ± {0.1 * away[1]:.2g} kg for {nominal[1]:.3g}" in line
+    assert "±" not in short_answer.bodies_line(replace(estimate, standard_deviations=None)).partition("furthest")[2]

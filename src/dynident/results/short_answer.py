@@ -78,7 +78,10 @@ def summary_lines(estimate: Estimate, test: Validation | None) -> list[str]:
 
 
 def bodies_line(estimate: Estimate) -> str:
-    """Return whether the links are physically consistent and which mass is furthest from the robot model's."""
+    """Return whether the links are physically consistent and which mass is furthest from the robot model's.
+
+    Of masses with an interval only those count whose interval does not hold the robot model's.
+    """
     verdict = estimate.consistency
     if not verdict.consistent:
         more = len(verdict.reasons) - 1
@@ -88,6 +91,7 @@ def bodies_line(estimate: Estimate) -> str:
     changes = [each for each in link_changes(estimate) if min(each.mass) > 0]
     if not changes:
         return line
+    widths = _mass_half_widths(estimate)
     told = [each for each in changes if each.mass_is != NOT_DETERMINED]
     totals = [sum(each.mass[k] for each in changes) for k in (0, 1)]
     half = total_mass_half_width(estimate)
@@ -95,9 +99,23 @@ def bodies_line(estimate: Estimate) -> str:
     whole = f"{format_number(totals[1], 3)} kg in all {known}, {format_number(totals[0], 3)} in the robot model"
     if not told:
         return f"{line}; {whole}"
-    furthest = max(told, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
+    away = [each for each in told if not abs(each.mass[1] - each.mass[0]) <= widths.get(each.link, 0.0)]
+    if not away:
+        return f"{line}; {whole}; no mass of a link differs from the robot model's beyond its 95 % interval"
+    furthest = max(away, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
     before, after = (format_number(mass, 3) for mass in furthest.mass)
+    if furthest.link in widths:
+        after += f" ± {format_number(widths[furthest.link], 2)}"
     return f"{line}; {whole}; furthest: {label(furthest.link)} {after} kg for {before} ({furthest.mass_is})"
+
+
+def _mass_half_widths(estimate: Estimate) -> dict[str, float]:
+    """Return half the 95 % interval of the mass of each link that has one, in kg, by its name."""
+    if estimate.standard_deviations is None:
+        return {}
+    stds = estimate.standard_deviations[9 : 10 * len(estimate.model.robot.links) : 10]
+    pairs = zip(estimate.model.robot.links, stds, strict=True)
+    return {link.name: float(Z_95 * std) for link, std in pairs if np.isfinite(std) and std > 0}
 
 
 def total_mass_half_width(estimate: Estimate) -> float | None:
