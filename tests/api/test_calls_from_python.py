@@ -288,6 +288,11 @@ def test_what_an_estimate_was_made_from_is_not_overwritten(arm: Any, tmp_path: P
     assert (place.read_bytes(), run.read_bytes()) == before
 
 
+def test_an_estimate_without_a_case_file_needs_a_log(estimate: di.Estimate) -> None:
+    with pytest.raises(di.BadArgument, match=r"logs: none given, and no case file of the fit .* write di\.validate\("):
+        di.validate(estimate)
+
+
 def test_training_data_are_no_test(arm: Any, estimate: di.Estimate) -> None:
     log = arm[1]
     with pytest.warns(UserWarning, match="arrays: used for training, so the errors are optimistic"):

@@ -61,6 +61,13 @@ def test_the_library_answers_as_the_command_does(capsys: pytest.CaptureFixture[s
     found = json.loads(json.dumps(summary(estimate, dynident.validate(estimate, case.test))))
     assert _without_seconds({"schema": 2, **found}) == _without_seconds(told)
     assert found["estimator"] == "huber" and found["diagnostics"] is not None
+    named = dynident.validate(estimate)  # the test logs of its case file
+    assert named.total_relative_error == dynident.validate(estimate, case.test).total_relative_error
+    Path("case.yaml").write_text(CASE.replace("test: other.csv\n", ""))
+    with pytest.raises(
+        dynident.DynidentError, match=r"case\.yaml names no test logs; write di\.validate\(estimate, log\)"
+    ):
+        dynident.validate(estimate)
     written = json.loads(Path("estimate.json").read_text())["provenance"]
     assert json.loads(json.dumps({**estimate.provenance, "command": written["command"]})) == written
 

@@ -41,6 +41,13 @@ def test_a_draft_names_the_lines_that_ask_and_so_does_identify(capsys: Capture, 
     assert read_case(case).columns.units.position == "deg"
 
 
+def test_a_command_that_is_proposed_quotes_names_with_blanks(capsys: Capture, tmp_path: Path) -> None:
+    log, _ = write(tmp_path, "tau")
+    case = str(tmp_path / "Fall ä.yaml")
+    assert main(["init", "generic-6r", log, "-o", case]) == 0
+    assert f"dynident identify '{case}'\n" in capsys.readouterr().err
+
+
 def test_a_pattern_and_a_folder_stand_for_their_logs(
     capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

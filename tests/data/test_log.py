@@ -129,7 +129,8 @@ def test_currents_without_gains_and_gains_without_currents():
     with pytest.raises(LogMismatch) as caught:
         torque_from_current(full_log(), {"a": 1.0})
     assert str(caught.value) == (
-        "run.csv: currents but no drive gain for b, c; state 'gain' (N m/A at the joint) under drives in the case file"
+        "run.csv: currents but no drive gain for b, c; state 'gain' (N m at the joint per A, or per percent "
+        "of the current) under drives in the case file"
     )
     with pytest.raises(LogMismatch) as caught:
         torque_from_current(Log(("a",), [0.0], [[0.0]]), {"a": 1.0})

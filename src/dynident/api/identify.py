@@ -105,8 +105,7 @@ def identify(
         from dynident.identification.streaming.estimate import identify_digest
 
         return identify_digest(logs, part, knowledge.constraints, knowledge.prior, provenance, progress)
-    logs = read_data(case).train if logs is None else logs_of(logs, case.robot, case.read)
-    _check_folds(trust.folds, case, logs, "--cross-validate" if record.command else "folds")
+    logs = _logs_for(trust.folds, case, logs, "--cross-validate" if record.command else "folds")
     if record.checks:
         provenance["log_quality"] = check_logs(case, logs, progress)
         refuse_faulty(provenance["log_quality"], record.strict)
@@ -121,16 +120,18 @@ def identify(
     return estimate
 
 
-def _check_folds(folds: int, case: Case, logs: Sequence[Log], name: str) -> None:
-    """Refuse folds of a cross-validation that make no parts of the logs: each has as many samples as parameters.
+def _logs_for(folds: int, case: Case, given: Any, name: str) -> Sequence[Log]:
+    """Return the logs to learn from, and refuse folds that make no parts of them: as many samples each as parameters.
 
     Raises:
         BadOption: Fewer than two, or more than that.
     """
+    logs = read_data(case).train if given is None else logs_of(given, case.robot, case.read)
     samples = sum(log.duration * min(log.rate, case.preprocessing.rows_hz(log.rate) or log.rate) for log in logs)
     most = int(np.clip(samples / len(case.model.parameters), DEFAULT_TRUST.folds, MOST_FOLDS))
     if folds and not 2 <= folds <= most:
         raise BadOption(name, folds, f"give 2 to {most} folds of the training logs, or 0 for none")
+    return logs
 
 
 def _recorded(estimate: Estimate, case: Case, record: Record, provenance: Mapping[str, Any]) -> Estimate:

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from dynident.api.case_logs import seen_logs
+from dynident.api.case_logs import read_data, seen_logs
 from dynident.api.given_logs import LogLike, logs_of
 from dynident.applications.standstill import with_rest
-from dynident.case.case import Case
+from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap, open_log
 from dynident.data.log import Log
 from dynident.data.log_of_robot import read_with
@@ -32,7 +32,7 @@ OTHER_FORMAT = (
 
 def validate(
     estimate: Estimate,
-    logs: LogLike | Sequence[LogLike],
+    logs: LogLike | Sequence[LogLike] | None = None,
     preprocessing: Preprocessing | None = None,
     case: Case | None = None,
 ) -> Validation:
@@ -41,14 +41,14 @@ def validate(
     Args:
         estimate: The estimate.
         logs: One raw log with positions and torques or several, as :func:`log_of` takes them; files are read as the
-            logs of the fit were.
+            logs of the fit were; None for the test logs of the case file of the fit.
         preprocessing: Another preparation than that of the fit.
         case: How files are read, where their columns or units are others than those of the logs of the fit.
 
     A log that was used for training gives a Python warning.
 
     Raises:
-        BadArgument: Something that is no log, or arrays of a wrong shape.
+        BadArgument: Something that is no log, arrays of a wrong shape, or None without test logs in a case file.
         FileError: A log cannot be read.
         LogFormatError: A file is no sound log.
         LogMismatch: A log does not fit the robot, or is too short.
@@ -56,11 +56,25 @@ def validate(
     if not isinstance(estimate, Estimate):
         step = "write di.validate(estimate, log); di.read_estimate(path) reads one from a file"
         raise BadArgument("estimate", f"{type(estimate).__name__} where an Estimate is wanted", step)
+    if logs is None:
+        logs = _test_logs(estimate)
     given = logs_of(logs, estimate.model.robot, lambda name: read_log(estimate, name, case))
     if seen := seen_logs(estimate, given, parts_apart=True):
         text = f"{', '.join(seen)}: used for training, so the errors are optimistic; validate on another log"
         warnings.warn(text, stacklevel=2)
     return compared(estimate, given, preprocessing)
+
+
+def _test_logs(estimate: Estimate) -> Sequence[Log]:
+    """Return the test logs of the case file of a fit, or the test part of its split."""
+    path = str(estimate.provenance.get("case", {}).get("path", ""))
+    step = "write di.validate(estimate, log), with a log that had no part in the fit"
+    if not path:
+        raise BadArgument("logs", "none given, and no case file of the fit to name test logs", step)
+    logs = read_data(read_case(path)).test
+    if not logs:
+        raise BadArgument("logs", f"none given, and {path} names no test logs", step)
+    return logs
 
 
 @one_blas_thread()

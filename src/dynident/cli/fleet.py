@@ -13,6 +13,7 @@ none, any robot is named with the probability --rate. QR factors need not determ
 from __future__ import annotations
 
 import argparse
+from shlex import quote
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     _show(fleet)
     if options.output:
-        step = f"next: dynident validate {places[0]} other-run.csv"
+        step = f"next: dynident validate {quote(str(places[0]))} other-run.csv"
         console.remark(f"saved {len(places)} estimates and {WHOLE} in {options.output}; {step}", options.quiet)
     return 0
 

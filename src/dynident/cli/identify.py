@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         verdicts.show_short(estimate, test, verdict)
     if options.output:
-        step = f"next: dynident validate {options.output} other-run.csv"
+        step = f"next: dynident validate {quote(options.output)} other-run.csv"
         if test is not None or verdict.causes:
             step = verdicts.next_step(options.output, estimate, verdict)
         console.remark(f"saved {options.output}; {step}", options.quiet)

@@ -12,6 +12,7 @@ are); where the value is the word 'ask', the case cannot be used before it is an
 from __future__ import annotations
 
 import argparse
+from shlex import quote
 
 SUMMARY = "a commented case file from a robot and its logs"
 
@@ -52,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     draft = init(options.robot, options.logs, Path(options.output).parent, test=options.test, kind=kind)
     write_atomically(options.output, draft.text)
     lines = ", ".join(str(question.line) for question in draft.needed)
-    follow = f"dynident identify {options.output}"
+    follow = f"dynident identify {quote(options.output)}"
     if options.json:
         console.answer_json({"case": options.output, **draft_summary(draft), "next": follow})
         return 0

@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Mapping
+from shlex import quote
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
     for error in bad.values():
         console.remark(f"left out: {error}", options.json)
     report(digest, options, {name: str(error) for name, error in bad.items()})
-    step = f"dynident identify {options.case} --from {options.output}"
+    step = f"dynident identify {quote(options.case)} --from {quote(options.output)}"
     console.remark(f"saved {options.output}; next: {step}", quiet)
     return 0
 

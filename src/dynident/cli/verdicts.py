@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from shlex import quote
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -101,4 +102,4 @@ def next_step(place: str, estimate: Estimate, verdict: Verdict) -> str:
         return "next: see where it errs (--full), record what is missing (dynident excite), and dynident identify again"
     target = own_target(estimate)
     lost = " --description FILE" if target.is_lost else ""
-    return f"next: dynident export {place} --to {target.name} -o identified{target.ending}{lost}"
+    return f"next: dynident export {quote(place)} --to {target.name} -o identified{target.ending}{lost}"

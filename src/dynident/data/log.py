@@ -183,7 +183,7 @@ def torque_from_current(log: Log, gains: Mapping[str, float], coupling: Array | 
         raise LogMismatch(log.name, "no motor currents", "map them with 'current' in the case file")
     missing = [name for name in log.joints if name not in gains]
     if missing:
-        step = "state 'gain' (N m/A at the joint) under drives in the case file"
+        step = "state 'gain' (N m at the joint per A, or per percent of the current) under drives in the case file"
         raise LogMismatch(log.name, f"currents but no drive gain for {', '.join(missing)}", step)
     torque = log.current * np.array([gains[name] for name in log.joints])
     if coupling is None:

@@ -41,9 +41,11 @@ def left_out_lines(export: ModelExport) -> Iterator[str]:
         return
     by_joint: dict[str, list[str]] = {}
     for term in export.left_out:
-        by_joint.setdefault(term.joint, []).append(f"{term.symbol} {term.value:.4g}")
+        by_joint.setdefault(term.joint, []).append(f"{term.symbol} = {term.value:.4g} {term.unit}".rstrip())
     yield f"\nleft out of {export.files[0]}, and in {export.files[-1]}:"
     for joint, terms in by_joint.items():
         lost = export.neglected.get(joint)
-        size = f"; {format_number(lost, 3)} N m or N rms are missing" if lost is not None else ""
+        size = (
+            "" if lost is None else f"; the file's torque is {format_number(lost, 3)} N m or N (rms) off the estimate's"
+        )
         yield f"  {label(joint)}: {', '.join(terms)}{size}"

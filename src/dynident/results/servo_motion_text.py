@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from shlex import quote
 from typing import Final
 
 import numpy as np
@@ -160,5 +161,6 @@ def next_lines(found: ServoMotions, case: str, folder: str | None) -> list[str]:
     else:
         lines.append(f"nearest: {found.clearance[1]}, {found.clearance[0]:.3g} m more than the workspace asks for")
     if folder:
-        lines.append(f"next: record each file of {folder} under its own name, then dynident identify {case} LOGS")
+        step = f"dynident identify {quote(case)} LOGS"
+        lines.append(f"next: record each file of {folder} under its own name, then {step}")
     return lines

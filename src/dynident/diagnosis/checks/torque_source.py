@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from shlex import quote
 from typing import ClassVar
 
 from dynident.diagnosis.checks.base import Check, CheckedLog
@@ -26,6 +27,6 @@ class TorqueSource(Check):
         bare = [joint.name for joint in subject.case.robot.active if joint.drive.gain is None]
         remedy = (
             "state gains, torque at the joint per unit of current (drives: {JOINT: {gain: ...}}), from a data sheet; "
-            f"'dynident gains {subject.case.path or 'CASE'}' finds gains from runs with and without a known payload"
+            f"'dynident gains {quote(subject.case.path or 'CASE')}' finds gains from runs with and without a known load"
         )
         return [Finding("error", "no drive gain", listed(bare), "currents and no gain", remedy)]
