@@ -104,3 +104,19 @@ def test_a_unit_in_the_header_stands_where_positions_leave_the_limits_a_little_a
 def test_the_draft_asks_for_a_stated_unit_of_torques_that_the_checks_warn_of(ratio: float, sure: bool) -> None:
     told = torque_unit([FREE], "N m", np.array([ratio]), [True], np.array([1.0]))
     assert told.certain == sure and told.text == "N m"
+
+
+@pytest.mark.parametrize("in_degrees", [(0, 1, 2), (0, 1)])
+def test_joints_that_move_as_others_do_in_radians_alone_are_named(in_degrees: tuple[int, ...]) -> None:
+    """Columns in two units have no likely one; a log in degrees keeps it."""
+    phase = np.linspace(0, 6, 200)
+    q = np.stack([np.sin(phase), 0.8 * np.cos(phase), 0.9 * np.sin(2 * phase)], axis=1)
+    q[:, list(in_degrees)] = np.degrees(q[:, list(in_degrees)])
+    joints = [replace(JOINT, name=f"A{k + 1}") for k in range(3)]
+    told = position_unit(q, joints, "")
+    assert not told.certain
+    if len(in_degrees) == 3:
+        assert told.text == "deg" and "differ" not in told.why
+    else:
+        assert told.text == "" and "A3 are within them as rad too and move 1.8 deg" in told.why
+        assert "[deg, deg, rad] where units differ by joint" in told.why

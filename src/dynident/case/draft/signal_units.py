@@ -34,16 +34,20 @@ class SignalUnit:
         certain: Whether it can be written down; else it is asked, and the words are the likely answer.
         why: The evidence.
         from_header: Whether the header of the file alone states it.
+        may_differ: Whether joints may differ in it, so that the words are no answer that is offered.
     """
 
     words: tuple[str, ...]
     certain: bool
     why: str
     from_header: bool = False
+    may_differ: bool = False
 
     @property
     def text(self) -> str:
         """The words as the case file writes them; empty where none is likely."""
+        if self.may_differ:
+            return ""
         if len(set(self.words)) <= 1:
             return self.words[0] if self.words else ""
         return f"[{', '.join(self.words)}]"
@@ -63,7 +67,7 @@ def time_unit(step: float, stated: str) -> SignalUnit:
 
 def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
     """Return the unit of positions, shape (N, n), from the limits of their joints and from what the header states."""
-    words, certain, reasons, resting = [], True, list[str](), list[str]()
+    words, certain, may_differ, reasons, resting = [], True, False, list[str](), list[str]()
     spans = np.ptp(q, axis=0)
     for kind, si, other in (("revolute", "rad", "deg"), ("prismatic", "m", "mm")):
         mine = [k for k, joint in enumerate(joints) if joint.kind == kind]
@@ -91,13 +95,33 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
             away = f"values reach {np.abs(q[:, mine]).max():.4g}"
             word = other if fits[other] and said != si else ""
             sure, why = False, f"{away}, beyond the limits as {si}{f', within them as {other}' if fits[other] else ''}"
+            either = _of_either_unit(q, joints, mine, (si, other)) if word == other else ""
+            why, may_differ = why + either, may_differ or bool(either)
         certain &= sure
         reasons.append(why)
         words.append((mine, word))
     named = {k: word for mine, word in words for k in mine}
     certain &= not resting or not {"deg", "mm"} & set(named.values())  # what stands may then be in these as well
     likely = tuple(named[k] for k in range(len(joints))) if all(named.values()) else ()
-    return SignalUnit(likely, certain, "; ".join(reasons))
+    return SignalUnit(likely, certain, "; ".join(reasons), may_differ=may_differ)
+
+
+def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], units: tuple[str, str]) -> str:
+    """Return what is said of joints that move as a joint does in SI units, and hardly at all in the others' unit."""
+    si, other = units
+    spans, factor = np.ptp(q, axis=0), _factor("position", other)
+    doubtful = [
+        k
+        for k in mine
+        if _fits(q[:, [k]], [joints[k]])
+        and spans[k] * factor < _SHARE * (joints[k].limits.upper - joints[k].limits.lower) <= spans[k]
+    ]
+    if not doubtful or len(doubtful) == len(mine):
+        return ""
+    names = ", ".join(joints[k].name for k in doubtful)
+    each = ", ".join(si if k in doubtful else other for k in range(len(joints)))
+    moves = f"{spans[doubtful].max():.3g} {other} at most as {other}"
+    return f"; {names} are within them as {si} too and move {moves}: [{each}] where units differ by joint"
 
 
 def position_factors(told: SignalUnit, count: int) -> Array:
