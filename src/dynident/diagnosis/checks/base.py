@@ -47,7 +47,7 @@ class CheckedLog:
     def fix(self) -> str:
         """The command that writes the log without what is safe to repair."""
         subject = self.case.path or self.case.robot_path or "CASE"
-        return f"dynident check {shlex.quote(subject)} {shlex.quote(self.raw.log.name)} --fix OUT"
+        return f"dynident check {shlex.quote(subject)} {shlex.quote(self.raw.log.name)} --fix OUT.csv"
 
     @cached_property
     def thin(self) -> QuickFit | None:

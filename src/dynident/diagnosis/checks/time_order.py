@@ -43,8 +43,11 @@ class TimeOrder(Check):
                 remedy = f"sort the rows ('{subject.fix}' writes them sorted)"
                 found.append(Finding("error", "rows out of order", "", evidence, remedy, numbers))
             else:
-                remedy = "split the file there into separate logs: the clock was set back, or two logs are in one file"
-                found.append(Finding("error", "time runs back", "", evidence, remedy, numbers))
+                remedy = (
+                    "split the file there into separate logs: the clock was set back, or logs were joined in one file"
+                )
+                explains = ("spikes", "gap in time")
+                found.append(Finding("error", "time runs back", "", evidence, remedy, numbers, explains))
         same = np.flatnonzero(np.diff(time) == 0)
         if len(same):
             first = subject.raw.place(int(samples[same[0] + 1]))
