@@ -18,8 +18,8 @@ from dynident.identification.files.estimate_file import summary
 from dynident.identification.identify import identify
 from dynident.identification.problem.choices import Choices, FieldChoice
 from dynident.identification.problem.prior import natural_scale, prior_products
-from dynident.identification.selection.friction.held_out_fields import search_friction
 from dynident.identification.selection.friction.nested_fits import beyond, fit, without
+from dynident.identification.selection.friction.search_friction import search_friction
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion

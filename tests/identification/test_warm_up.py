@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
+from dynident import validate as validated
+from dynident.applications.monitor.signals import signals_of
+from dynident.applications.predicted_torque import predict_torque
 from dynident.applications.standstill import held_torque
+from dynident.applications.start_states import warmed_torque, with_warm_starts
 from dynident.data.log import Log
-from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing import Preprocessing, preprocess
 from dynident.data.preprocessing.as_given import AsGiven
+from dynident.data.split import Split
+from dynident.diagnosis.warnings import warnings_of
 from dynident.errors import BadOption, LogMismatch
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
+from dynident.identification.problem.regressor_stream import remembered_motion
 from dynident.identification.selection.friction.variable_projection import spans_of
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
@@ -74,6 +81,67 @@ def test_it_is_left_out_where_drives_do_not_warm_up(planar_2r: Robot, exact_moti
     assert warm_up_of(identify(DynamicModel(planar_2r, DRAFT), [log], "wls", HOW)) is None
 
 
+@pytest.fixture(scope="module")
+def warm(planar_2r: Robot, exact_motion: MakeMotion) -> tuple[Estimate, Log, Log]:
+    """Return an estimate by the first 270 s of a recording, that part, and the rest, which begins warm."""
+    log = logged(planar_2r, exact_motion, TRUTH, 400.0)
+    train, test = log.split(0.675)
+    return identify(DynamicModel(planar_2r, TRUTH), [train], "wls", HOW), train, test
+
+
+def test_what_follows_in_the_same_recording_goes_on_warm(warm: tuple[Estimate, Log, Log]) -> None:
+    found, train, test = warm
+    known = validated(found, test)
+    assert train.before is None and isinstance(test.before, Log) and known.start_states == ()
+    assert known.total_relative_error < 1.1 * found.train.total_relative_error
+    first, rest = Split.parse("samples:3000:5400,0:2000").apply(train)
+    whole, part = (remembered_motion(found.model, preprocess(log, HOW).log).state for log in (train, first))
+    assert whole is not None and part is not None and rest.before is None
+    np.testing.assert_allclose(part, whole[3000:], rtol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:.*used for training")
+def test_a_log_of_its_own_begins_as_its_torques_say(warm: tuple[Estimate, Log, Log]) -> None:
+    found, train, test = warm
+    alone = replace(test, before=None)
+    known = validated(found, alone)
+    assert known.total_relative_error < 1.1 * found.train.total_relative_error
+    true = remembered_motion(found.model, preprocess(test, HOW).log).state
+    assert true is not None
+    values = [each["value"] for each in known.start_states]
+    np.testing.assert_allclose(values, true[0, :, 0], rtol=0.05)
+    assert [each["joint"] for each in known.start_states] == ["joint1", "joint2"]
+    (said,) = [each for each in warnings_of(found, known) if "warm the drives were" in each]
+    assert "warm_up found from its torques (joint1" in said and "reduces the squared error by 9" in said
+    cold = validated(found, replace(train, before=None))
+    assert all(each["value"] == 0.0 for each in cold.start_states)
+    assert any("warm_up taken to begin cold" in each for each in warnings_of(found, cold))
+    told = predict_torque(found, alone)
+    assert np.sqrt(np.mean((told.torque - np.asarray(told.measured)) ** 2)) < 0.05 * np.std(np.asarray(told.measured))
+    assert float(warmed_torque(found, preprocess(replace(train, torque=None), HOW)).min()) > 0.1
+
+
+def test_training_logs_that_begin_warm_are_named(warm: tuple[Estimate, Log, Log]) -> None:
+    found, train, test = warm
+    alone = replace(test, before=None, source=replace(test.source, path="second.csv"))
+    told = with_warm_starts(found, [train, alone])
+    assert {each["log"] for each in told.train.start_states} == {"second.csv"}
+    (said,) = [each for each in warnings_of(told) if each.startswith("training log second.csv")]
+    assert "give logs that follow each other as one" in said
+    assert with_warm_starts(found, [train]) is found
+    colder = replace(train, torque=np.asarray(train.torque) * 1.2)  # no drive is colder than cold
+    assert all(each["value"] >= 0.0 for each in validated(found, colder).start_states)
+
+
+def test_a_monitor_begins_as_the_torques_of_a_log_say(warm: tuple[Estimate, Log, Log]) -> None:
+    found, train, test = warm
+    alone = signals_of(found, replace(test, before=None))
+    assert alone.first is not None and (alone.first > 0.1).all()
+    np.testing.assert_allclose(alone.first, np.asarray(signals_of(found, test).first), rtol=0.05)
+    first = signals_of(found, train).first
+    assert first is None or not first.any()
+
+
 @pytest.mark.battery
 def test_it_is_left_out_in_95_of_100_and_found_in_all(planar_2r: Robot, exact_motion: MakeMotion) -> None:
     model, false, far = DynamicModel(planar_2r, DRAFT), 0, 0
@@ -91,7 +159,8 @@ def test_logs_too_short_for_it_do_not_try_it_and_refuse_it_where_it_is_stated(
     log = logged(planar_2r, exact_motion, TRUTH, 100.0)
     short = identify(DynamicModel(planar_2r, DRAFT), [log], "wls", HOW)
     assert warm_up_of(short) is None
-    assert not [each for each in short.choices.chosen_fields or () if each.part == "warm_up"]
+    (told,) = [each for each in short.choices.chosen_fields or () if each.part == "warm_up"]
+    assert told.value == 0 and told.not_tried == "logs of 100 s, 120 s needed"
     with pytest.raises(LogMismatch, match=r"time_constant 3000 s is longer than the longest log, 100 s; log at least"):
         identify(DynamicModel(planar_2r, (*DRAFT[:2], WarmUp(3000.0))), [log], "wls", HOW)
     with pytest.raises(BadOption, match="looked for from 60 s on, in logs of at least twice that; this is 100 s"):

@@ -46,6 +46,16 @@ def test_its_curve_is_that_of_its_differential_equation(shape: float) -> None:
         np.testing.assert_allclose(found, 0.02 * (1.0 - 2.0 * np.exp(-np.linspace(0.0, 0.03, 301) / 0.02)), atol=2e-4)
 
 
+def test_its_damping_is_of_the_rate_of_the_deflection_of_bristles() -> None:
+    part, motion = Presliding(0.02, 0.01, damping=True), turning(0.05, 40001)
+    state = part.states_along(motion, 1e-4)
+    columns = part.columns(replace(motion, state=state))
+    np.testing.assert_allclose(columns[..., 0], state[..., 0] / 0.02, rtol=1e-12)
+    rate = np.gradient(state[:, 0, 0], 1e-4)
+    np.testing.assert_allclose(columns[:, 0, 1], rate, atol=0.02 * np.abs(rate).max())
+    assert (columns[:, 0, 1] * motion.dq[:, 0] >= 0).all() and not part.columns(motion)[..., 1].any()
+
+
 @pytest.mark.parametrize("size", [0.01, 0.05, 0.5])
 def test_a_cycle_loses_what_the_closed_form_says(size: float) -> None:
     """An elastic, perfectly plastic element that turns between +-size loses 4 Fp (size - length) a cycle, if any."""

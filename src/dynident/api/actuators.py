@@ -13,8 +13,8 @@ from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_files import read_servo_logs
 from dynident.actuators.servo_log import ServoLog, ServoSetup
 from dynident.api.case_logs import with_logs
+from dynident.api.named_logs import logs_named
 from dynident.case.case import AUTO, Case, read_case
-from dynident.data.log_places import logs_named
 from dynident.errors import BadOption, DescriptionError, LogMismatch
 from dynident.files import sha256_of
 from dynident.model.threads import one_blas_thread

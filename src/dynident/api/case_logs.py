@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from dynident.api.named_logs import logs_named
 from dynident.case.case import Case
 from dynident.data.formats import LARGE
 from dynident.data.log import Log, Source
-from dynident.data.log_places import logs_named, size_of
+from dynident.data.log_places import size_of
 from dynident.errors import BadOption, DescriptionError, LogMismatch
 from dynident.identification.estimators import Estimator
 

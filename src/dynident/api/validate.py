@@ -11,6 +11,7 @@ from pathlib import Path
 from dynident.api.case_logs import read_data, seen_logs
 from dynident.api.given_logs import LogLike, logs_of
 from dynident.applications.standstill import with_rest
+from dynident.applications.start_states import with_starts
 from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap, open_log
 from dynident.data.log import Log
@@ -81,6 +82,8 @@ def _test_logs(estimate: Estimate) -> Sequence[Log]:
 def compared(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None) -> Validation:
     """Compare an estimate with raw logs, and its samples at rest with what static friction can hold.
 
+    How warm the drives are at the start of a log, where friction depends on it, is found from the log.
+
     Args:
         estimate: The estimate.
         logs: Raw logs with positions and torques.
@@ -91,8 +94,9 @@ def compared(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
     """
     how, names = preprocessing or estimate.preprocessing, estimate.model.robot.joint_names
     prepared = [preprocess(log.ordered(names), how) for log in logs]
-    found = bare.validate(estimate, prepared)
-    return with_rest(estimate, found, prepared) if found.rests else found
+    logs_from, starts = with_starts(estimate, prepared)
+    found = replace(bare.validate(estimate, logs_from), start_states=starts)
+    return with_rest(estimate, found, logs_from) if found.rests else found
 
 
 def read_log(estimate: Estimate, name: str | Path, case: Case | None = None) -> Log:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from dynident.applications.standstill import held_along
+from dynident.applications.start_states import with_starts
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess, resample
@@ -38,6 +40,7 @@ class PredictedTorque:
             residual of the fit or the noise of the positions, the larger of both, shape (N, n).
         half_held: Half the width of what static friction can hold where a drive rests, shape (N, n); both bands have
             it.
+        starts: States of friction that last for minutes, at the start of a log with torques, as these say.
     """
 
     prepared: Prepared
@@ -45,6 +48,7 @@ class PredictedTorque:
     half_model: Array
     half_measured: Array
     half_held: Array
+    starts: tuple[dict[str, Any], ...] = ()
 
     @property
     def measured(self) -> Array | None:
@@ -70,7 +74,9 @@ def predict_torque(estimate: Estimate, log: Log) -> PredictedTorque:
         LogMismatch: The log is too short for the filter, or unsound.
     """
     how = _all_rows(estimate.preprocessing, log)
-    prepared = preprocess(log, how)
+    ((prepared,), starts) = with_starts(estimate, [preprocess(log, how)])
+    if starts:
+        log = replace(log, before=prepared.log.before)
     regressor = RegressorStream(estimate.model, estimate.base)
     torque = regressor.predict(prepared.log, estimate.beta)
     noise = _noise_deviations(estimate, regressor, log, prepared, torque)
@@ -83,6 +89,7 @@ def predict_torque(estimate: Estimate, log: Log) -> PredictedTorque:
         half_model=Z_95 * np.hypot(parameters, noise) + held.half,
         half_measured=Z_95 * np.hypot(parameters, residual) + held.half,
         half_held=held.half,
+        starts=starts,
     )
 
 

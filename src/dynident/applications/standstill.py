@@ -20,7 +20,7 @@ from dynident.data.preprocessing import Prepared, at_rest
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.problem import rest_speeds
-from dynident.identification.problem.regressor_stream import motion_of
+from dynident.identification.problem.regressor_stream import remembered_motion
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
 
@@ -83,7 +83,7 @@ def _sharp(part: Friction) -> Friction:
 def held_along(estimate: Estimate, prepared: Prepared) -> HeldTorque:
     """Return the torques along the kept rows of a log, filtered as the measured ones are."""
     model, log = estimate.model, prepared.log
-    motion = model.with_states(motion_of(log), 1.0 / log.rate)
+    motion = remembered_motion(model, log)
     speeds = motion.at_motors(np.asarray(model.robot.coupling)).dq
     rests = at_rest(speeds, rest_speeds(model.robot, prepared.how.standstill), log.rate)
     found = held_torque(model, parameters_of(estimate), motion, rests)

@@ -238,6 +238,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
         if validation is not None:
             console.answer()
             console.answer_table(fits_table(validation), f"{title}: total relative error {total_error(validation)}")
+            verdicts.show_rest(validation)
     verdicts.show_nominal(estimate, test)
     for title, table in choice_tables(estimate.choices, estimate.model.robot.joint_names):
         console.answer()

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 #: Share of the rows in the 95 % band below which the model is not that of the robot in the log.
 LEAST_INSIDE = 0.5
 
+#: Share of a joint's torque (rms) below which an interval is not worth a remark.
+SHOWN = 1e-3
+
 SUMMARY = "torques of a motion by an estimate, with bands, as CSV"
 
 
@@ -47,6 +50,7 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from dynident.applications.predicted_torque import predict_torque
+    from dynident.applications.start_states import warmed_torque
     from dynident.cli import console, jobs
     from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
@@ -78,6 +82,7 @@ def run(options: argparse.Namespace) -> int:
     facts = {"log": log.name, "samples": used.samples, "left_out": found.prepared.log.samples - used.samples}
     remarks = [
         *_resting(joints, widest),
+        *_beginning(found.starts, joints, warmed_torque(estimate, found.prepared)),
         *_outside(robot.joint_names, found.inside),
         *_beyond(estimate, found.prepared),
     ]
@@ -114,9 +119,26 @@ def _motion(path: str, estimate: Estimate, case: Case | None) -> Log:
 
 def _resting(joints: Sequence[dict[str, object]], widest: Array) -> list[str]:
     """Return what is to be said of joints that rest: their torque is an interval, at most of a half width (n,)."""
-    pairs = zip(joints, widest.tolist(), strict=True)
-    held = [f"{one['name']} +- {half:.3g} {one['unit']}" for one, half in pairs if half]
-    return [f"at rest static friction holds any torque about the prediction: {', '.join(held)}"] if held else []
+    held = _named(joints, widest, "+- ")
+    return [f"at rest static friction holds any torque about the prediction: {held}"] if held else []
+
+
+def _beginning(starts: Sequence[dict[str, object]], joints: Sequence[dict[str, object]], changes: Array) -> list[str]:
+    """Return what is to be said of drives that warm up, whose torque changes by so much (n,) where they begin warm."""
+    from dynident.diagnosis.warnings import start_sentences
+
+    if starts:
+        return start_sentences(starts)
+    told = _named(joints, changes, "")
+    text = "the drives are taken to begin cold; as warm as at the end of the motion their torque differs by up to "
+    return [text + told] if told else []
+
+
+def _named(joints: Sequence[dict[str, object]], sizes: Array, sign: str) -> str:
+    """Return the joints with sizes (n,) that show beside their torque."""
+    pairs = zip(joints, sizes.tolist(), strict=True)
+    shown = [(one, size) for one, size in pairs if size > SHOWN * float(str(one["torque"]))]
+    return ", ".join(f"{one['name']} {sign}{size:.3g} {one['unit']}" for one, size in shown)
 
 
 def _outside(names: Sequence[str], inside: Array) -> list[str]:

@@ -66,9 +66,10 @@ def run(options: argparse.Namespace) -> int:
     from dataclasses import replace
     from pathlib import Path
 
+    from dynident.api.named_logs import logs_named
     from dynident.cli import console, jobs
     from dynident.cli.pools import cluster_of
-    from dynident.data.log_places import is_address, logs_named
+    from dynident.data.log_places import is_address
     from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place
     from dynident.identification.streaming.one_log import Checkpoint

@@ -101,7 +101,7 @@ def _show(estimate: Estimate, test: Validation, verdict: Verdict, warnings: Sequ
     """Print the verdict, all tables of the comparison and the warnings."""
     from dynident.cli import console, verdicts
     from dynident.cli.identify import consistency_line
-    from dynident.results.text import fits_table, in_words, rest_table, total_error
+    from dynident.results.text import fits_table, in_words, total_error
 
     verdicts.show(verdict)
     console.answer(f"{estimate.model.robot.name}: estimator {estimate.estimator}, {test.samples} samples")
@@ -109,9 +109,7 @@ def _show(estimate: Estimate, test: Validation, verdict: Verdict, warnings: Sequ
     console.answer_table(fits_table(test), f"total relative error {total_error(test)}")
     console.answer()
     console.answer_table(fits_table(test, moving=True), "moving samples only")
-    if (at_rest := rest_table(test)) is not None:
-        console.answer()
-        console.answer_table(at_rest, "samples at rest, against what static friction can hold")
+    verdicts.show_rest(test)
     verdicts.show_nominal(estimate, test)
     console.answer()
     console.answer(consistency_line(estimate))

@@ -29,6 +29,16 @@ def show(verdict: Verdict) -> None:
         console.answer()
 
 
+def show_rest(validation: Validation) -> None:
+    """Print how the samples at rest lie to what static friction can hold, where that is known."""
+    from dynident.cli import console
+    from dynident.results.text import rest_table
+
+    if (table := rest_table(validation)) is not None:
+        console.answer()
+        console.answer_table(table, "samples at rest, against what static friction can hold")
+
+
 def show_nominal(estimate: Estimate, test: Validation | None) -> None:
     """Print the errors and bodies of the robot model beside those identified."""
     from dynident.cli import console

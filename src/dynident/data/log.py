@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,8 @@ class Log(ShortText):
         dq_ref: Commanded velocities, shape (N, n), in rad/s or m/s.
         source: Where it comes from.
         gaps: Start and end in s of the gaps in time that were bridged when it was made uniform, shape (g, 2).
+        before: The motion of the recording up to the first sample, or the states of friction at it, shape (n, s); None
+            where the recording begins with it.
     """
 
     joints: tuple[str, ...]
@@ -69,6 +72,7 @@ class Log(ShortText):
     dq_ref: Array | None = None
     source: Source = field(default_factory=Source)
     gaps: Array | None = None
+    before: Log | Array | None = None
 
     def __post_init__(self) -> None:
         if len(set(self.joints)) != len(self.joints):
@@ -120,6 +124,15 @@ class Log(ShortText):
         chosen = {name: values[keep] for name, values in self.signals().items()}
         return replace(self.with_step(step), time=self.time[keep], **chosen)
 
+    def part(self, start: int, stop: int, step: str) -> Log:
+        """Return samples that follow each other, with the motion before them; ``step`` says which in words."""
+        if start < 10:  # too few for a filter
+            return self.rows(slice(start, stop), step)
+        motion = Log(
+            self.joints, self.time, self.q, self.dq, self.ddq, temperature=self.temperature, before=self.before
+        )
+        return replace(self.rows(slice(start, stop), step), before=motion.rows(slice(start + 1), "before"))
+
     def ordered(self, joints: Sequence[str]) -> Log:
         """Return the columns in the order of ``joints``, matched by name.
 
@@ -133,8 +146,10 @@ class Log(ShortText):
             step = f"the log has {', '.join(self.joints)}; name the joints in the order of the columns (joints: [...])"
             raise LogMismatch(self.name, f"no joint called '{missing[0]}'", step)
         order = [self.joints.index(name) for name in joints]
-        chosen = {name: values[:, order] for name, values in self.signals().items()}
-        return replace(self, joints=tuple(joints), **chosen)  # type: ignore[arg-type]
+        chosen: dict[str, Any] = {name: values[:, order] for name, values in self.signals().items()}
+        if isinstance(self.before, Log):
+            chosen["before"] = self.before.ordered(joints)
+        return replace(self, joints=tuple(joints), **chosen)
 
     def split(self, first: float) -> tuple[Log, Log]:
         """Return the first share of the duration and the rest.
@@ -144,11 +159,11 @@ class Log(ShortText):
         """
         if not 0 < first < 1:
             raise BadOption("split", first, "give the share of the first part, such as first:0.67")
-        head = self.time < self.time[0] + first * self.duration
-        train = self.rows(head, f"first {first:g} of the duration")
+        cut = int(np.count_nonzero(self.time < self.time[0] + first * self.duration))
+        train = self.part(0, cut, f"first {first:g} of the duration")
         return (
             replace(train, source=replace(train.source, split=f"first:{first:g}")),
-            self.rows(~head, f"all after the first {first:g} of the duration"),
+            self.part(cut, self.samples, f"all after the first {first:g} of the duration"),
         )
 
 

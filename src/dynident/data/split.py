@@ -63,9 +63,7 @@ class Split:
         if self.first is not None:
             return log.split(self.first)
         self.check(log.samples, log.name)
-        train, test = (
-            log.rows(slice(a, b), f"samples {a} to {b} of {log.samples}") for a, b in (self.train, self.test)
-        )
+        train, test = (log.part(a, b, f"samples {a} to {b} of {log.samples}") for a, b in (self.train, self.test))
         return replace(train, source=replace(train.source, split=str(self))), test
 
     def check(self, rows: int, name: str) -> None:

@@ -5,12 +5,16 @@ A warning changes nothing. It states the evidence and what to check; the limits 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 
 from dynident.diagnosis.verdict import check_warnings, quality_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import CutoffSensitivity
+from dynident.model.friction import called
 
 #: Total relative error of the fit above which a model explains too little.
 POOR_FIT = 0.25
@@ -56,9 +60,46 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
         size = f"{estimate.condition_number:.3g}"
         found.append(f"condition number {size}: single parameters are poorly determined; excite all joints")
     found += _weak(estimate)
+    found += _at_ends(estimate)
     if test is not None and test.departure is not None and estimate.envelope is not None and test.departure.leaves():
         found.append(test.departure.sentence(estimate.envelope))
+    found += () if test is None else start_sentences(test.start_states)
+    cold = "; the fit takes them as cold: give logs that follow each other as one, or leave this one out"
+    found += [f"training log {line}{cold}" for line in start_sentences(estimate.train.start_states)]
     return tuple(dict.fromkeys(found))
+
+
+def start_sentences(states: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Say how warm the drives were taken to be at the start of logs, which no log states."""
+    by_log: dict[str, list[Mapping[str, Any]]] = {}
+    for each in states:
+        by_log.setdefault(str(each["log"]), []).append(each)
+    lines = []
+    for log, own in by_log.items():
+        part, share = own[0]["part"], f"{100 * own[0]['share']:.3g} %"
+        values = ", ".join(f"{one['joint']} {one['value']:.2g} {one['unit']}" for one in own if one["value"])
+        found = f"{part} found from its torques ({values}), which reduces the squared error by {share}"
+        cold = f"{part} taken to begin cold, as no other start explains its torques better"
+        lines.append(f"{log} does not state how warm the drives were at its start: {found if values else cold}")
+    return lines
+
+
+def _at_ends(estimate: Estimate) -> list[str]:
+    """Name the fields of friction whose best value is an end of the range that was searched, and what would find it."""
+    lines, parts = [], {called(part): part for part in estimate.model.friction}
+    for each in estimate.choices.non_linear or ():
+        span = parts[each.part].ranges[each.field]
+        remedy = "state a value, or leave the part out"
+        if each.end < 0 and span.is_distance and each.value > 1.001 * span.low:
+            remedy = f"the resolution of the positions: log finer positions at a higher rate, or {remedy}"
+        elif each.end > 0 and each.value < 0.999 * span.high:
+            kinds = ((span.is_distance, "range", "larger"), (span.is_duration, "duration", "longer"))
+            what, more = next((own[1:] for own in kinds if own[0]), ("speed", "faster"))
+            remedy = f"by the {what} of the logs: log {more} motions, or {remedy}"
+        if each.end:
+            end = "least" if each.end < 0 else "largest"
+            lines.append(f"{each.part} {each.field} {each.value:.3g} is the {end} value that was tried, {remedy}")
+    return lines
 
 
 def _unlike(estimate: Estimate, test: Validation) -> list[str]:

@@ -19,13 +19,15 @@ from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
 from dynident.identification.selection.friction.column_pool import ROWS, PooledLogs, SharedRows
 from dynident.identification.selection.friction.held_out_errors import NOTHING, OF_SHORT_LOGS, HeldOut, share_of
-from dynident.identification.selection.friction.held_out_fields import FrictionSearch, search_friction
+from dynident.identification.selection.friction.held_out_fields import FrictionSearch
 from dynident.identification.selection.friction.load import problem_of, without_load
 from dynident.identification.selection.friction.parts_by_drive import by_drive
+from dynident.identification.selection.friction.search_friction import search_friction
 from dynident.identification.selection.friction.variable_projection import (
     finest_of,
     has_choices,
     has_varying,
+    reach_of,
     vary_fields,
     without_optional,
 )
@@ -80,7 +82,7 @@ def build_problem(
     if choose_friction:
         model = replace(model, friction=(*auto_friction(model.robot), *motor_ripple(model.robot)))
     preprocessing, cutoff = with_cutoff(without_optional(model), ordered, preprocessing, progress)
-    model, finest = _within_logs(model, ordered, preprocessing)
+    model, finest, aside = _within_logs(model, ordered, preprocessing)
     progress("preprocessing")
     plain = tuple(preprocess(log, preprocessing) for log in ordered)
     prepared, delays = _with_delays(without_optional(model), plain, progress)
@@ -89,6 +91,8 @@ def build_problem(
         shared = SharedRows(model.robot, [log.sparser(ROWS) for log in plain])
         search = partial(search_friction, progress=progress, finest=finest, shared=shared)
         model, prepared, choices = _with_chosen_fields(model, plain, (prepared, choices), progress, search, shared)
+    if aside:
+        choices = replace(choices, chosen_fields=(*(choices.chosen_fields or ()), *aside))
     if has_varying(model):
         model, varied = vary_fields(model, prepared, progress, finest)
         choices = replace(choices, non_linear=tuple(varied))
@@ -112,43 +116,63 @@ def _resolution(model: DynamicModel, logs: Sequence[Log]) -> Array | None:
     return np.max(np.abs(np.asarray(model.robot.coupling)) * joints, axis=1)
 
 
-def _within_logs(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) -> tuple[DynamicModel, Array | None]:
-    """Return the model whose friction the logs can tell, and the resolution of the positions of each drive.
+def _within_logs(
+    model: DynamicModel, logs: Sequence[Log], how: Preprocessing
+) -> tuple[DynamicModel, Array | None, tuple[FieldChoice, ...]]:
+    """Return the model whose friction the logs can tell, the resolution of each drive, and what was left aside and why.
 
     Distances of friction that are left to the logs begin at the resolution. Parts that may be missing are missing
     where logs are too short for their duration or have no temperatures and they read some, and on drives whose logs do
     not show their cycle.
 
     Raises:
-        LogMismatch: A distance that is stated is below the resolution, a duration beyond the longest log, or a cycle
-            beyond the motion.
+        LogMismatch: A distance that is stated is below the resolution or beyond half the motion, a duration beyond the
+            longest log, or a cycle beyond the motion.
     """
     finest, longest = _resolution(model, logs), max(float(log.time[-1] - log.time[0]) for log in logs)
+    furthest = reach_of(model, logs)
     lack_temperatures = any(log.temperature is None for log in logs)
-    parts: list[Friction] = []
-    for stated_part in model.friction:
-        part = _within_cycle(model, stated_part, logs, how)
-        if part is None or (part.is_optional and lack_temperatures and "temperature" in part.needs):
+    parts, aside = list[Friction](), list[FieldChoice]()
+    for stated in model.friction:
+        part, spans = _within_cycle(model, stated, logs, how), stated.ranges.items()
+        needed = max((span.least_log for _, span in spans if span.is_duration), default=0.0)
+        reason = "" if part == stated else "less than half a cycle in the logs"
+        if stated.is_optional and lack_temperatures and "temperature" in stated.needs:
+            part, reason = None, "no temperatures in the logs"
+        elif stated.is_optional and longest < needed:
+            part, reason = None, f"logs of {longest:.3g} s, {needed:.3g} s needed"
+        if reason:
+            left = None if part is None else {*(part.joints or ())}
+            joints = stated.joints if left is None else tuple(own for own in model.robot.joint_names if own not in left)
+            aside.append(FieldChoice(called(stated), joints, WHOLE, 0.0, 0.0, 0.0, 0.0, None, reason))
+        if part is None:
             continue
         least, left_open = finest_of(model, part, finest), (*(part.choose or ()), *(part.vary or ()))
-        spans = part.ranges.items()
-        if part.is_optional and any(span.is_duration and longest < span.least_log for _, span in spans):
-            continue
         moved: dict[str, Any] = {}
         for name, span in spans:
-            value, is_short = getattr(part, name), span.is_distance
-            if not (value < 0.999 * least if is_short else span.is_duration and value > longest):
+            value, low = getattr(part, name), least if span.is_distance else 0.0
+            high = furthest if span.is_distance else longest if span.is_duration else np.inf
+            if 0.999 * low <= value <= high:
                 continue
-            why = f"is below the least distance that the positions show, {least:.3g} rad (or m)"
-            step = f"state at least {least:.2g}, or log finer positions at a higher rate"
-            if not is_short:
-                why = f"s is longer than the longest log, {longest:.3g} s"
-                step = "log at least as long from a cold start, state a shorter time, or leave the part out"
+            why, step = _beyond(span.is_distance, value < low, low, high)
             if name not in left_open:
                 raise LogMismatch(logs[0].name, f"{called(part)}: {name} {value:g} {why}", step)
-            moved[name] = least if is_short else longest
+            moved[name] = low if value < low else high
         parts.append(replace(part, **moved) if moved else part)
-    return (replace(model, friction=tuple(parts)) if tuple(parts) != model.friction else model), finest
+    model = replace(model, friction=tuple(parts)) if tuple(parts) != model.friction else model
+    return model, finest, tuple(aside)
+
+
+def _beyond(is_distance: bool, is_below: bool, low: float, high: float) -> tuple[str, str]:
+    """Return why logs cannot tell a value outside of ``low`` to ``high``, and what to do."""
+    if not is_distance:
+        step = "log at least as long from a cold start, state a shorter time, or leave the part out"
+        return f"s is longer than the longest log, {high:.3g} s", step
+    if is_below:
+        step = f"state at least {low:.2g}, or log finer positions at a higher rate"
+        return f"is below the least distance that the positions show, {low:.3g} rad (or m)", step
+    why = f"is more than half the range of the motion, {2 * high:.3g} rad (or m): no drive moves far enough to slip"
+    return why, f"state at most {high:.2g}, or log larger motions"
 
 
 def _with_chosen_fields(
@@ -163,9 +187,9 @@ def _with_chosen_fields(
 
     A delay that is to be found is free at first, so that neither it nor friction passes for the other. A free delay
     also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found. A part
-    that remembers is tried beside the list without it; where it is taken, the other parts are chosen again beside it,
-    and both have to predict better than that list and its delay. ``search`` is :func:`search_friction` with what is
-    the same each time.
+    that remembers is tried beside the list without it, the delay free even where it is stated; where it is taken, the
+    other parts are chosen again beside it, and both have to predict better than that list and its delay. ``search`` is
+    :func:`search_friction` with what is the same each time.
     """
     (prepared, choices), delay_is_free = before, plain[0].how.delay_s is None
 
@@ -184,7 +208,7 @@ def _with_chosen_fields(
     found = search(model, prepared, delay_is_free=delay_is_free)
     found, prepared, choices = settled(found, prepared, choices, without_optional(model), None)
     lagging = [called(part) for part in model.friction if part.lags and part.is_optional]
-    beside = search(model, prepared, delay_is_free=delay_is_free, after=found) if lagging else found
+    beside = search(model, prepared, delay_is_free=True, after=found) if lagging else found
     if not beside.remembers:
         return found.chosen, prepared, replace(choices, chosen_fields=beside.told)
     beside, rows, own = settled(beside, prepared, choices, found.chosen, beside)

@@ -128,7 +128,7 @@ def _held_out(found: Sequence[FieldChoice]) -> Table:
             *_field(each),
             *_values(each),
             *((MISSING, MISSING) if each.error is None else format_value(100.0 * each.gain, 100.0 * each.error)),
-            _used(each),
+            f"not tried: {each.not_tried}" if each.not_tried else _used(each),
         )
         for each in found
     )
@@ -150,7 +150,7 @@ def _used(held: FieldChoice) -> str:
 def _values(held: FieldChoice) -> tuple[str, str]:
     """Return the stated and the best value of a field; of a whole part, whether it is there."""
     if held.field == WHOLE:
-        return "left out", "there" if held.best else "left out"
+        return "left out", MISSING if held.not_tried else "there" if held.best else "left out"
     return format_given(held.stated), format_number(held.best, 3)
 
 
@@ -170,7 +170,7 @@ def _fields(found: Sequence[FieldEstimate]) -> Table:
         )
         for each in found
     )
-    at_end = [" ".join(_field(each)[::2]) for each in found if each.value in (each.low, each.high)]
+    at_end = [" ".join(_field(each)[::2]) for each in found if each.end]
     note = f"At an end of the range that is looked at, beyond which the data may ask for more: {', '.join(at_end)}."
     return Table(columns, rows, note if at_end else "")
 

@@ -18,10 +18,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dynident.api.named_logs import logs_named
 from dynident.case.case import Case, read_case
 from dynident.data.formats import write_log
 from dynident.data.log import Log
-from dynident.data.log_places import at_hand, logs_named, size_of
+from dynident.data.log_places import at_hand, size_of
 from dynident.errors import DynidentError, FileError, LogFormatError, LogMismatch, MissingDependency, PoolFailed
 from dynident.identification.streaming import reduction
 from dynident.identification.streaming.digest import Digest

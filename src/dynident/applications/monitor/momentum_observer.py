@@ -68,7 +68,15 @@ class MomentumObserver:
         """Return g + friction - C' dq, what the measured torque meets beside the change of momentum, shape (N, n)."""
         return self.equations.at(q, dq, temperature).drift
 
-    def outside(self, time: Array, q: Array, dq: Array, torque: Array, temperature: Array | None = None) -> Array:
+    def outside(
+        self,
+        time: Array,
+        q: Array,
+        dq: Array,
+        torque: Array,
+        temperature: Array | None = None,
+        first: Array | None = None,
+    ) -> Array:
         """Return the mean torque from outside over each step, shape (N - 1, n).
 
         Args:
@@ -77,8 +85,9 @@ class MomentumObserver:
             dq: Velocities, shape (N, n), in rad/s or m/s.
             torque: Measured torques at the joints, shape (N, n), in N m or N.
             temperature: Of the drives, shape (N, n), where friction depends on it.
+            first: States of friction at the first sample, shape (n, s); None for their start.
         """
-        parts = list(self.chunks(q, dq, float(time[-1] - time[0]) / max(len(time) - 1, 1), temperature))
+        parts = list(self.chunks(q, dq, float(time[-1] - time[0]) / max(len(time) - 1, 1), temperature, first))
         momentum, drift = (np.concatenate([getattr(one, name) for one in parts]) for name in ("momentum", "drift"))
         return self.steps(np.diff(time), momentum, torque - drift)
 
@@ -97,9 +106,11 @@ class MomentumObserver:
         turned = terms.columns @ self._root
         return np.sqrt(np.einsum("sjb,sjb->sj", turned, turned))
 
-    def chunks(self, q: Array, dq: Array, step: float, temperature: Array | None = None) -> Iterator[Terms]:
+    def chunks(
+        self, q: Array, dq: Array, step: float, temperature: Array | None = None, first: Array | None = None
+    ) -> Iterator[Terms]:
         """Yield the terms of many samples that follow each other after a step in s, some at a time."""
-        state = self.states(q, dq, step)
+        state = self.states(q, dq, step, first)
         for start in range(0, len(q), CHUNK):
             part = slice(start, start + CHUNK)
             warm, kept = (None if one is None else one[part] for one in (temperature, state))

@@ -71,7 +71,7 @@ class Monitor:
         """Return the threshold of each joint along a run, shape (N, n), in N m or N."""
         observer, found = self.observer, []
         start = 0
-        for terms in observer.chunks(run.q, run.dq, run.step, run.temperature):
+        for terms in observer.chunks(run.q, run.dq, run.step, run.temperature, run.first):
             dq = run.dq[start : start + len(terms.momentum)]
             found.append(self.band.variances(terms, observer.deviations(terms), dq))
             start += len(dq)
@@ -184,7 +184,7 @@ def _band_and_shares(observer: MomentumObserver, clean: Sequence[Signals]) -> tu
     speeds = np.maximum(np.sqrt(np.mean(np.concatenate([run.dq**2 for run in clean]), axis=0)), 1e-9)
     residuals, moments = [], []
     for run in clean:
-        terms = list(observer.chunks(run.q, run.dq, run.step, run.temperature))
+        terms = list(observer.chunks(run.q, run.dq, run.step, run.temperature, run.first))
         ends = np.cumsum([0, *(len(one.momentum) for one in terms)])
         parts = zip(terms, ends, ends[1:], strict=False)
         moments.append(np.concatenate([shapes(o, observer.deviations(o), run.dq[a:b], speeds) for o, a, b in parts]))

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.signal
 
 from dynident.applications.monitor.momentum_observer import MomentumObserver
+from dynident.applications.start_states import first_states
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import check_finite, resample
@@ -26,6 +27,7 @@ class Signals:
         dq: Velocities, shape (N, n), in rad/s or m/s.
         torque: Measured torques at the same instants, shape (N, n), in N m or N.
         temperature: Of the drives, shape (N, n), in degrees Celsius; None where the log has none.
+        first: States of friction at the first sample, shape (n, s); None for their start.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Signals:
     dq: Array
     torque: Array
     temperature: Array | None = None
+    first: Array | None = None
 
     @property
     def step(self) -> float:
@@ -45,7 +48,7 @@ def signals_of(estimate: Estimate, log: Log) -> Signals:
     """Return the signals of a log; time is made uniform, the motion shifted by the torque's delay in the fit.
 
     Where the log has no velocities they are differences of positions, and positions and torques are means over the same
-    two samples.
+    two samples. Drives whose friction lasts for minutes begin as its torques say best.
 
     Raises:
         LogMismatch: No torques or temperatures, or a log that does not fit the robot.
@@ -71,12 +74,12 @@ def signals_of(estimate: Estimate, log: Log) -> Signals:
         warm = None if warm is None else warm[inside]
     if len(time) < 10:
         raise LogMismatch(log.name, f"{len(time)} samples are left", "give a longer log")
-    return Signals(log.name, time, q, dq, torque, warm)
+    return Signals(log.name, time, q, dq, torque, warm, first_states(estimate, log))
 
 
 def residuals_of(observer: MomentumObserver, signals: Signals) -> Array:
     """Return the observer's residual at each sample, zero at the first, shape (N, n), in N m or N."""
-    outside = observer.outside(signals.time, signals.q, signals.dq, signals.torque, signals.temperature)
+    outside = observer.outside(signals.time, signals.q, signals.dq, signals.torque, signals.temperature, signals.first)
     keep = float(np.exp(-observer.gain * signals.step))
     followed = np.asarray(scipy.signal.lfilter([1.0 - keep], [1.0, -keep], outside, axis=0))
     return np.concatenate([np.zeros((1, followed.shape[1])), followed])

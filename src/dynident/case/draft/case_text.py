@@ -212,7 +212,8 @@ def _friction(found: Recognised) -> list[str]:
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
         "   # Stribeck effect",
         f"  - load_stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity]}}   # of the load",
-        f"  - presliding: {{length: {_SLIPS:g}, choose: [part, length, shape]}}   # friction built up after reversals",
+        f"  - presliding: {{length: {_SLIPS:g}, damping: true, choose: [part, length, shape]}}"
+        "   # friction built up after reversals",
         *_ripple(found),
         *_warm_up(found),
     ]

@@ -182,7 +182,13 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
     """
     check_finite(log)
     check_turns(log)
-    return thinned(how.filter.apply(resample(log, how.longest_gap_s)), how, how.delay_s or 0.0)
+    return thinned(_filtered(log, how), how, how.delay_s or 0.0)
+
+
+def _filtered(log: Log, how: Preprocessing) -> Log:
+    """Return a log on a uniform grid, filtered, and likewise the motion before it."""
+    found = how.filter.apply(resample(log, how.longest_gap_s))
+    return replace(found, before=_filtered(log.before, how)) if isinstance(log.before, Log) else found
 
 
 def thinned(filtered: Log, how: Preprocessing, delay_s: float = 0.0) -> Prepared:

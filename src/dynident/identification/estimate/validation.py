@@ -16,6 +16,9 @@ from dynident.methods import ShortText
 #: Quantile of the normal distribution for 95 % between minus and plus.
 Z_95 = 1.959963984540054
 
+#: What is found beside the figures, as it is in plain data.
+_FOUND = ("at_rest", "start_states")
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -104,6 +107,7 @@ class Validation(ShortText):
         free_bodies_error: Total relative error of the same fit without bounds of bodies on the same samples; None where
             the estimate has none, and on the data of the fit.
         at_rest: Of joints with samples at rest, how these lie to what static friction can hold.
+        start_states: States of friction at the start of logs, as they were found from these.
     """
 
     joints: tuple[Fit, ...]
@@ -126,6 +130,7 @@ class Validation(ShortText):
     nominal: NominalErrors | None = None
     free_bodies_error: float | None = None
     at_rest: tuple[Mapping[str, Any], ...] = ()
+    start_states: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def residual(self) -> Array:
@@ -183,7 +188,7 @@ class Validation(ShortText):
                 "joints": [_figures(fit) for fit in self.moving],
             },
             "bands": self.bands(),
-            **({"at_rest": [dict(each) for each in self.at_rest]} if self.at_rest else {}),
+            **{name: [dict(each) for each in own] for name in _FOUND if (own := getattr(self, name))},
             **({} if self.nominal is None else {"nominal": self.nominal.figures()}),
             **({} if self.free_bodies_error is None else {"free_bodies_error": finite(self.free_bodies_error)}),
         }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
 from functools import cache
@@ -39,6 +40,7 @@ class FieldChoice:
         value: The one that was taken.
         gain: Share of the mean squared cross-validation residual that the best value takes off.
         error: Standard error of that share, block by block; None where the logs have too few rows to hold some out.
+        not_tried: Why the logs could not decide on a part; empty where they could.
     """
 
     part: str
@@ -49,6 +51,7 @@ class FieldChoice:
     value: float
     gain: float
     error: float | None
+    not_tried: str = ""
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,11 @@ class FieldEstimate:
     value: float
     low: float
     high: float
+
+    @property
+    def end(self) -> int:
+        """-1 at the lower end of the range that was searched, 1 at the upper one, 0 at neither."""
+        return int(math.isclose(self.value, self.high)) - int(math.isclose(self.value, self.low))
 
 
 @dataclass(frozen=True)

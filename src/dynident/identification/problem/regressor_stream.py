@@ -76,7 +76,7 @@ class RegressorStream:
 
         Friction that depends on the load takes that of ``beta`` itself.
         """
-        motion = self._motion(log)
+        motion = remembered_motion(self.model, log)
         parts = [slice(start, start + CHUNK) for start in range(0, log.samples, CHUNK)]
         blocks = (self._block(motion, part, load=beta) for part in parts)
         torques = [[beta[own] @ block[:-1] for own, block in zip(self.columns, joint, strict=True)] for joint in blocks]
@@ -131,7 +131,7 @@ class RegressorStream:
         A filter looks ``reach`` samples to either side, so parts overlap by that much.
         """
         log, keep = prepared.log, prepared.keep
-        reach, motion = prepared.how.filter.reach(log.rate), self._motion(log)
+        reach, motion = prepared.how.filter.reach(log.rate), remembered_motion(self.model, log)
         if not reach:
             starts = range(0, len(keep), PART)
             return [self._plain(prepared, motion, slice(k, min(k + PART, len(keep)))) for k in starts]
@@ -141,10 +141,6 @@ class RegressorStream:
         return [
             self._filtered(prepared, motion, own, wanted, torque) for own, wanted in inner if wanted.start < wanted.stop
         ]
-
-    def _motion(self, log: Log) -> Motion:
-        """Return the motion of a log with the states of the friction."""
-        return self.model.with_states(motion_of(log), 1.0 / log.rate)
 
     def _plain(self, prepared: Prepared, motion: Motion, part: slice) -> Iterator[RowSegment]:
         """Yield kept rows where nothing is to be filtered: only they are ever computed."""
@@ -227,6 +223,15 @@ def motion_of(log: Log) -> Motion:
     if log.dq is None or log.ddq is None:
         raise LogMismatch(log.name, "no velocities and accelerations", "preprocess the log first")
     return Motion(log.q, log.dq, log.ddq, temperature=log.temperature)
+
+
+def remembered_motion(model: DynamicModel, log: Log) -> Motion:
+    """Return the motion of a preprocessed log with the states of friction, which go on from what was before it."""
+    first = log.before
+    if isinstance(first, Log):
+        state = remembered_motion(model, first).state
+        first = None if state is None else state[-1]
+    return model.with_states(motion_of(log), 1.0 / log.rate, first)
 
 
 def target_torque(model: DynamicModel, prepared: Prepared) -> Array:

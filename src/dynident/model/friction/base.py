@@ -26,26 +26,9 @@ from dynident.model.kernels.trace import (
     tangent_hyperbolic,
 )
 
-__all__ = [
-    "WHOLE",
-    "Coefficient",
-    "Friction",
-    "Inputs",
-    "Motion",
-    "Number",
-    "Range",
-    "SelectionUse",
-    "State",
-    "check_positive",
-    "cosine",
-    "exponential",
-    "larger",
-    "power",
-    "sine",
-    "smaller",
-    "smooth_sign",
-    "tangent_hyperbolic",
-]
+__all__ = ["WHOLE", "Coefficient", "Friction", "Inputs", "Motion", "Number", "Range", "SelectionUse", "State"]
+__all__ += ["check_positive", "cosine", "exponential", "larger", "power", "sine", "smaller", "smooth_sign"]
+__all__ += ["tangent_hyperbolic"]
 
 
 @dataclass(frozen=True)
@@ -251,9 +234,9 @@ class Friction(ABC):
         return bool(self.states)
 
     @property
-    def without_memory(self) -> Friction:
-        """The part that stands for it where its states are not known, with the same coefficients; itself as a rule."""
-        return self
+    def needs_memory(self) -> bool:
+        """Whether it has states and no :meth:`terms_without_memory`."""
+        return bool(self.states) and type(self).terms_without_memory is Friction.terms_without_memory
 
     @abstractmethod
     def terms(self, at: Inputs) -> tuple[Number, ...]:
@@ -261,6 +244,10 @@ class Friction(ABC):
 
         They may read all inputs but ``moved`` and ``step``.
         """
+
+    def terms_without_memory(self, at: Inputs) -> tuple[Number, ...]:
+        """Return what stands for :meth:`terms` where its states are not known; without it such motions are refused."""
+        return self.terms(at)
 
     def update(self, at: Inputs) -> tuple[Number, ...]:
         """Return each of ``states`` at a sample from ``at.state``, their values at the sample before."""
@@ -270,6 +257,13 @@ class Friction(ABC):
     def expression(self) -> Expression:
         """Its expressions, traced."""
         return Expression(self.terms, self.update, len(self.coefficients), len(self.states))
+
+    @cached_property
+    def _forgetful(self) -> Expression:
+        return Expression(self.terms_without_memory, self.update, len(self.coefficients), len(self.states))
+
+    def _expression_at(self, motion: Motion) -> Expression:
+        return self.expression if motion.state is not None or not self.states else self._forgetful
 
     @cached_property
     def needs(self) -> tuple[str, ...]:
@@ -306,9 +300,7 @@ class Friction(ABC):
         Raises:
             BadOption: The motion lacks a signal that it needs.
         """
-        if motion.state is None and self.without_memory is not self:
-            return self.without_memory.columns(motion)
-        found = self.expression.columns(self._inputs(motion))
+        found = self._expression_at(motion).columns(self._inputs(motion))
         return stacked([found[k] for k in range(len(self.coefficients))], motion.dq.shape)
 
     def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
@@ -320,9 +312,7 @@ class Friction(ABC):
         Raises:
             BadOption: The motion lacks a signal that it needs.
         """
-        if motion.state is None and self.without_memory is not self:
-            return self.without_memory.derivatives(motion)
-        found, count = self.expression.slopes(self._inputs(motion)), len(self.coefficients)
+        found, count = self._expression_at(motion).slopes(self._inputs(motion)), len(self.coefficients)
         slopes = [[found.get(order * count + k, 0.0) for k in range(count)] for order in range(3)]
         by_q, by_dq, by_ddq = (stacked(own, motion.dq.shape) for own in slopes)
         return by_q, by_dq, by_ddq
@@ -355,7 +345,7 @@ class Friction(ABC):
             BadOption: The motion lacks a signal that they need.
         """
         for name in self.needs:
-            if getattr(motion, name) is None:
+            if getattr(motion, name) is None and (name != "state" or self.needs_memory):
                 raise BadOption("friction", type(self).__module__.rsplit(".", 1)[-1], _LACKING[name])
         state = () if motion.state is None else motion.state.transpose(2, 0, 1)
         return {

@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.model.friction._slipped import Slipped
 from dynident.model.friction.base import (
     Coefficient,
     Friction,
@@ -22,11 +21,12 @@ from dynident.model.friction.base import (
     larger,
     power,
     smaller,
+    smooth_sign,
 )
 from dynident.plugins import bounded
 
-#: Share of the length by which states of any start have to agree.
-SETTLED = 0.01
+#: Share of the length by which states of any start have to agree, and width of its sign without a history, in rad/s.
+SETTLED, WIDTH = 0.01, 0.01
 
 
 @dataclass(frozen=True)
@@ -37,40 +37,46 @@ class Presliding(Friction):
     Lampaert and Swevers 2005): after a reversal friction changes from one level to the other over twice the length,
     however slow the motion is. Towards shape 0 the change becomes exponential, as that of bristles (LuGre) in slow
     motion; the work that is lost after a reversal is the same. ``coulomb`` beside it is the share of dry friction that
-    changes at once, further elements are parts of their own. Over any closed motion it loses work. Where samples have
-    no history, as in formats without a memory, it is taken as slipped the way of the motion: Fp tanh(dq / 0.01).
+    changes at once, further elements are parts of their own. With ``damping`` Dp (dq - |dq| z / length) is
+    added, Dp dz/dt of bristles (Canudas de Wit, Olsson, Astrom and Lischinsky 1995): before it slips friction grows
+    with the speed. Over any closed motion it loses work.
+    Without a history, as in formats without a memory, it has slipped the way of the motion: Fp tanh(dq / 0.01).
 
     Attributes:
         length: Distance in rad (or m) over which the drive moves before the element slips, of shape 1.
         shape: 1 for a spring that slips at the length, towards 0 for one that slips more and more (exponential).
         element: Number of the element of a drive that has several, each with a length of its own.
+        damping: Whether the bristles are damped, by a coefficient of its own.
     """
 
     length: float = 3e-3
     shape: float = bounded(1.0, least=0.01, most=1.0)
     element: int = bounded(1, least=1, most=4)
+    damping: bool = False
 
     ranges: ClassVar = {"length": Range(3e-4, 0.1, is_distance=True), "shape": Range(0.01, 1.0)}
-    selection: ClassVar = SelectionUse(9, {"length": 3e-3, "choose": ("part", "length", "shape")})
+    selection: ClassVar = SelectionUse(9, {"length": 3e-3, "damping": True, "choose": ("part", "length", "shape")})
 
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:  # type: ignore[override]
-        """Its level, named by the element."""
-        return self.without_memory.coefficients
+        """Its level and its damping, named by the element."""
+        number = "" if self.element == 1 else f"{self.element}"
+        level = Coefficient(f"Fp{number}", "N m", "N", nonnegative=True, in_simulators="friction")
+        return level, *[Coefficient(f"Dp{number}", "N m s/rad", "N s/m", nonnegative=True)] * self.damping
 
     @property
     def states(self) -> tuple[State, ...]:
         return (State("z", "rad", "m", -self.length, self.length),)
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
-        return (at.state[0] / self.length,)
+        z = at.state[0] / self.length
+        return z, *[at.dq - abs(at.dq) * z] * self.damping
 
     def update(self, at: Inputs) -> tuple[Number, ...]:
         return (self._moved(at.state[0], at.moved, (larger, smaller, power)),)
 
-    @property
-    def without_memory(self) -> Friction:
-        return Slipped(self.element, joints=self.joints)
+    def terms_without_memory(self, at: Inputs) -> tuple[Number, ...]:
+        return smooth_sign(at.dq, WIDTH), *[0.0] * self.damping
 
     def states_along(self, motion: Motion, step: float, first: Array | None = None) -> Array:
         return self._along(motion, np.zeros(motion.q.shape[1]) if first is None else first[:, 0])[..., None]

@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.friction._cold import Cold
 from dynident.model.friction.base import (
+    Coefficient,
     Friction,
     Inputs,
     Motion,
@@ -48,7 +48,10 @@ class WarmUp(Friction):
     crossover: float = bounded(1.0, least=1e-6, most=1e6)
     width: float = bounded(0.02, least=1e-9, most=1e3)
 
-    coefficients: ClassVar = Cold.coefficients
+    coefficients: ClassVar = (
+        Coefficient("FcW", "N m s/rad", "N s/m", nonnegative=False),
+        Coefficient("FvW", "N m s^2/rad^2", "N s^2/m^2", nonnegative=False),
+    )
     ranges: ClassVar = {"time_constant": Range(60.0, 3600.0, is_duration=True)}
     selection: ClassVar = SelectionUse(10, {"time_constant": 300.0, "choose": ("part", "time_constant")})
 
@@ -60,9 +63,8 @@ class WarmUp(Friction):
     def lags(self) -> bool:
         return False
 
-    @property
-    def without_memory(self) -> Friction:
-        return Cold(joints=self.joints)
+    def terms_without_memory(self, at: Inputs) -> tuple[Number, ...]:
+        return 0.0, 0.0
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return at.state[0] * smooth_sign(at.dq, self.width), at.state[0] * at.dq

@@ -80,7 +80,7 @@ class Identified:
     @property
     def slipped(self) -> tuple[str, ...]:
         """What the reader has to know about friction that remembers in a format without a memory."""
-        parts = {FRICTION.name_of(own): own for own in self.model.friction if own.without_memory is not own}
+        parts = {FRICTION.name_of(own): own for own in self.model.friction if own.states and not own.needs_memory}
         lags = (
             "is there Coulomb friction at its full level; right after a reversal the torque differs by up to twice that"
         )

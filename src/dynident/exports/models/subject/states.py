@@ -103,7 +103,7 @@ def motion_of_fit(estimate: Estimate) -> Motion:
         states = np.asarray(seen.mean) + drawn @ np.linalg.pinv(np.asarray(seen.whitener))
         q, dq, ddq = np.clip(states.reshape(SEEN, 3, -1), seen.low, seen.high).transpose(1, 0, 2)
         motion = replace(motion, q=q, dq=dq, ddq=ddq)
-    has_no_level = any(part.states and part.without_memory is part for part in model.friction)
+    has_no_level = any(part.needs_memory for part in model.friction)
     return model.with_states(motion, PACE) if has_no_level else motion
 
 

@@ -24,14 +24,11 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
-from dynident.identification.selection.friction.column_pool import ROWS, PooledLogs, SharedRows
+from dynident.identification.selection.friction.column_pool import PooledLogs
 from dynident.identification.selection.friction.finer_values import finer_values
 from dynident.identification.selection.friction.held_out_errors import (
-    BLOCKS,
     OF_A_PART,
-    OF_SHORT_LOGS,
     HeldOut,
     is_better,
     share_of,
@@ -39,67 +36,20 @@ from dynident.identification.selection.friction.held_out_errors import (
 )
 from dynident.identification.selection.friction.parts_by_drive import (
     by_drive,
-    by_unit,
     own_widths,
     set_apart,
     together,
     with_values,
 )
-from dynident.identification.selection.friction.variable_projection import all_spans, without_optional
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import WHOLE, called
 
-#: Values over its range of a width or of a part's first field, and of a further field beside each of these.
-COARSE, BESIDE = 13, 2
+#: Values over its range of a width or of a part's first field, and of a further field beside so many on both sides of
+#: the best of these.
+COARSE, BESIDE, NEAR = 13, 2, 2
 
 #: Steps to finer values at most: of those that are taken for another one, and of all of them together at the end.
 FINER, POLISHED = 3, 10
-
-#: Shares of a delay that are compared in a period of the cut-off, a straight line between two of them, and at most.
-STRAIGHT, MOST = 20, 12
-
-
-def search_friction(
-    model: DynamicModel,
-    logs: Sequence[Prepared],
-    progress: Callable[[str], None] = lambda step: None,
-    delay_is_free: bool = False,
-    finest: Array | None = None,
-    shared: SharedRows | None = None,
-    after: FrictionSearch | None = None,
-) -> FrictionSearch:
-    """Return the stated or the best values of the fields that the parts of a model leave to the logs, and why.
-
-    Optional parts that remember are left aside at first. What was found without them is the start where they are tried
-    (``after``); where one of them was taken, it stays, and the other parts are chosen anew beside it.
-
-    Args:
-        model: With parts whose ``choose`` names non-linear fields, or ``part``.
-        logs: Preprocessed logs.
-        progress: Called with each step in words.
-        delay_is_free: Whether a delay of the torque is free in what is compared.
-        finest: Resolution of the positions of each drive, shape (n,), in rad or m; None where it is not known.
-        shared: Rows that choices share whose logs differ in their delays alone; None for rows of their own.
-        after: What was found for the same model before.
-
-    Raises:
-        BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
-    """
-    pieces = [by_unit(model, part) if set(part.choose or ()) - {WHOLE} else (part,) for part in model.friction]
-    model = replace(model, friction=tuple(itertools.chain(*pieces)))
-    shared = shared or SharedRows(model.robot, [log.sparser(ROWS) for log in logs])
-    logs = shared.under(logs)
-    load = shared.load(without_optional(model), logs) if "torque" in model.needs else None
-    spans = all_spans(model, logs, "choose", finest)
-    turns = [abs(log.delay_s) * (log.how.filter.bandwidth() or log.log.rate / STRAIGHT) for log in logs]
-    shares = np.linspace(1.0, 0.0, min(int(np.ceil(STRAIGHT * max(turns) * model.lags)), MOST) + 1)
-    for blocks in (BLOCKS, OF_SHORT_LOGS):
-        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares.tolist(), shared)
-        search = FrictionSearch(model, pooled, spans, progress)
-        if search.tells:
-            break
-    search.run(after)
-    return search
 
 
 class FrictionSearch:
@@ -163,7 +113,6 @@ class FrictionSearch:
         if after is not None and not after.remembers:  # the others may have stood in its place: its delay comes first
             self.fields()
             self.add_parts(and_fields=False)
-            self.polish()
             return
         self.parts()
         taken = [p for p, held in self.decided.items() if held.value]
@@ -211,6 +160,22 @@ class FrictionSearch:
         if moved := [key for key, held in self.found.items() if held.value != held.stated or key in optional]:
             finer = self._finer([(self._group(*key), key[1]) for key in moved], POLISHED)
             self.found |= {key: replace(self.found[key], best=x, value=x) for key, x in zip(moved, finer, strict=True)}
+        self._leave_out_again()
+
+    def _leave_out_again(self) -> None:
+        """Leave a part with fields out again that held-out rows do not ask for beside the values of all others."""
+        present = [p for p in range(len(self.heads)) if p not in self.absent]
+        parts = [self.model.friction[p] for p in present]
+        for p in [p for p in self.decided if p in present and self._own_fields(p) and p not in self._lagging]:
+            rest = [k for k, q in enumerate(present) if self.heads[q] != p]
+            sets = [by_drive(self.model, parts, own) for own in (range(len(parts)), rest)]
+            tried = HeldOut.of(self._pooled.pool(parts), sets[0], sets)
+            own, others = replace(tried, always=np.arange(0)).errors()
+            if not is_better(others - own, least=OF_A_PART):
+                self.absent += tuple(self._of([p]))
+                self.decided[p] = self._told(p, False, others - own)
+                self.found = {key: held for key, held in self.found.items() if key[0] != p or key[1] == "width"}
+                return
 
     def with_linear_parts(self) -> dict[int, FieldChoice]:
         """Put the absent parts there that have no field of their own beside a width and that held-out rows ask for."""
@@ -321,10 +286,15 @@ class FrictionSearch:
         self._progress(f"friction: {labels} {' and '.join(names)} on held-out samples")
         about = (labels, self.stated.friction[there[0]].joints)
         self.model = with_values(self.model, there, stated)
-        tried = self.tried(there, points := self._points(group[0], names))
+        tried = self.tried(there, points := [stated | point for point in self._points(group[0], names[:1])])
         if not self.tells:
             return [FieldChoice(*about, name, x, x, x, 0.0, None) for name, x in stated.items()]
         first, *others = tried.errors(fastest=False)
+        if names[1:]:  # each of further fields near the best value of the first one
+            k = int(np.argmin([np.mean(each) for each in others]))
+            near, beside = points[max(k - NEAR, 0) : k + NEAR + 1], self._points(group[0], names[1:])
+            points += (more := [own | other for own in near for other in beside if own != own | other])
+            others += self.tried(there, more).errors(fastest=False)[1:]
         k = int(np.argmin([np.mean(each) for each in others]))
         gaps, best, before = first - others[k], dict(points[k]), self.model
         if (is_taken := is_better(gaps)) or names[0] == "width":

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption
 from dynident.identification.problem.choices import FieldEstimate
@@ -93,16 +94,26 @@ def all_spans(
 ) -> dict[tuple[int, str], tuple[float, float]]:
     """Return where the fields are looked for that the parts name in ``asked`` (vary or choose), by place and name."""
     fastest = max(float(np.abs(np.asarray(log.log.dq) @ np.asarray(model.robot.coupling).T).max()) for log in logs)
-    longest = max(log.log.samples / log.log.rate for log in logs)
+    longest, furthest = max(log.log.samples / log.log.rate for log in logs), reach_of(model, [log.log for log in logs])
     return {
         (p, name): span
         for p, part in enumerate(model.friction)
-        for name, span in spans_of(part, asked, fastest, finest_of(model, part, finest), longest).items()
+        for name, span in spans_of(part, asked, fastest, finest_of(model, part, finest), longest, furthest).items()
     }
 
 
+def reach_of(model: DynamicModel, logs: Sequence[Log]) -> float:
+    """Return half the largest range of the motion of a drive, in rad or m: further no drive slips at every reversal."""
+    return max(float(np.ptp(np.asarray(log.q) @ np.asarray(model.robot.coupling).T, axis=0).max()) for log in logs) / 2
+
+
 def spans_of(
-    part: Friction, asked: str, fastest: float, finest: float = 0.0, longest: float = np.inf
+    part: Friction,
+    asked: str,
+    fastest: float,
+    finest: float = 0.0,
+    longest: float = np.inf,
+    furthest: float = np.inf,
 ) -> dict[str, tuple[float, float]]:
     """Return where each field of a part that its option ``asked`` (vary or choose) names is looked for.
 
@@ -126,5 +137,6 @@ def spans_of(
             step = f"in logs of at least twice that; this is {longest:.3g} s; log longer, or state a value"
             raise BadOption(asked, name, f"it is looked for from {span.low:g} s on, {step}")
         high = min(high, longest) if span.is_duration else high
+        high = min(high, max(furthest, finest)) if span.is_distance else high
         spans[name] = (min(max(span.low, finest), high) if span.is_distance else span.low, high)
     return spans
