@@ -113,6 +113,7 @@ class FrictionSearch:
         if after is not None and not after.remembers:  # the others may have stood in its place: its delay comes first
             self.fields()
             self.add_parts(and_fields=False)
+            self.polish()
             return
         self.parts()
         taken = [p for p, held in self.decided.items() if held.value]
