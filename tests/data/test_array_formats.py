@@ -219,6 +219,14 @@ def test_several_recordings_in_one_file_are_not_read_as_columns(tmp_path: Path) 
         read_log(tmp_path / "all.hdf5")
 
 
+@pytest.mark.parametrize("shape", [(2, 2), (2, 6), (2, 3)], ids=["mass matrix", "Jacobian", "places of the links"])
+def test_matrices_of_each_row_beside_a_log_are_no_recordings(tmp_path: Path, shape: tuple[int, int]) -> None:
+    log = log_of_two_joints()
+    more = np.zeros((len(log.time), *shape))
+    np.savez(tmp_path / "run.npz", t=log.time, q=np.asarray(log.q), tau=np.asarray(log.torque), more=more)
+    np.testing.assert_array_equal(read_log(tmp_path / "run.npz").q, log.q)
+
+
 @pytest.mark.parametrize(("limit", "value"), [("MAX_BYTES", 1 << 20), ("MAX_MEMBERS", 1)])
 def test_an_archive_that_unpacks_to_more_than_it_should(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: int

@@ -110,7 +110,9 @@ def columns_of(
     Raises:
         LogFormatError: No array is as long as a log, or the file holds several.
     """
-    pairs = {pair for shape in shapes.values() if len(shape) == 3 for pair in (shape[:2], shape[1:])}
+    vectors = {shape[0] for shape in shapes.values() if len(shape) == 1}  # matrices by row: square, or as many as times
+    cubes = [s for s in shapes.values() if len(s) == len(set(s)) == 3 and (s[1] == max(s) or max(s) not in vectors)]
+    pairs = {pair for shape in cubes for pair in (shape[:2], shape[1:])}
     if len({group[0] for name in shapes if (group := _RECORDING.search(name))}) > 1 or (
         pairs and all(len(shape) != 2 or shape in pairs for shape in shapes.values())
     ):
