@@ -67,6 +67,14 @@ def test_a_gripper_that_stands_is_locked_and_not_asked_for_its_unit(
     assert "gripper never moves" in draft.text and case.read(case.train[0]).joints == NAMES[:2]
 
 
+def test_what_stands_under_the_noise_of_its_encoder_does_not_jump(
+    arm: str, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    still = 0.02 + 1e-4 * np.random.default_rng(1).integers(0, 3, 3000)
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", logged(with_gripper(motion, still), "names")), tmp_path)
+    assert not draft.recognition.stepping and "gripper never moves" in draft.text
+
+
 def test_where_the_arm_is_in_degrees_the_unit_of_what_stands_is_asked(
     arm: str, motion: dict[str, Array], tmp_path: Path
 ) -> None:

@@ -26,8 +26,8 @@ def without_steps(found: Recognised) -> Recognised:
     q = np.concatenate([reading.signals["q"] for reading in found.readings])
     if not found.joints.certain or not found.effort or len(names) != q.shape[1] or found.on_motors:
         return found
-    jumps = np.array([steps(column) for column in q.T])
     moves = np.ptp(q, axis=0) >= STILL
+    jumps = moves & np.array([steps(column) for column in q.T])  # what stands may have the noise of its encoder
     if not jumps.any() or not np.any(moves & ~jumps):
         return found
     keep: list[int] = np.flatnonzero(~jumps).tolist()
