@@ -221,3 +221,19 @@ def test_the_armature_and_the_actuators_of_a_model_are_replaced(folder: Path) ->
     model = mujoco.MjModel.from_xml_path("robot.xml")
     assert model.nu == 1 and model.actuator_gainprm[0, 0] == pytest.approx(2.4 * 0.166 * 4)
     assert model.dof_armature[0] == pytest.approx(0.012) and model.dof_frictionloss[0] == pytest.approx(0.04)
+
+
+def test_the_limit_of_an_actuator_in_the_model_holds_where_no_log_tells_the_torque(folder: Path) -> None:
+    """The identified actuators take the place of those of an MJCF, which state its effort limits."""
+    Path("arm.xml").write_text(
+        """<mujoco><compiler angle="radian"/><worldbody><body name="arm"><joint name="joint1" axis="0 1 0"/>
+        <inertial pos="0 0 -0.15" mass="0.8" diaginertia="0.002 0.002 0.001"/></body></worldbody>
+        <actuator><position joint="joint1" kp="3" forcerange="-2 2"/></actuator></mujoco>"""
+    )
+    values = parameters(angle_offset=0.0, full_torque=2.4 * 0.166 * KP)
+    own = known(full_torque="not separable, gain_ratio")
+    law = preset("position_servo")
+    joint = JointActuator("joint1", law, (1.0,), "m1", values, own, (), values, values, {}, {}, {}, {}, 0.0)
+    write_actuators(ActuatorEstimate("pendulum", (joint,), {"robot": {"path": "arm.xml"}}), "own.json")
+    assert main(["export", "own.json", "--to", "mjcf", "-o", "own.xml", "--quiet"]) == 0
+    assert read_robot("own.xml").active[0].limits.effort == 2.0

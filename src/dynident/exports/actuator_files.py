@@ -17,7 +17,7 @@ from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.verdict import lacks_scale
 from dynident.errors import BadOption, MissingDependency, UnknownChoice
-from dynident.exports.actuator_bodies import set_bodies, urdf_of
+from dynident.exports.actuator_bodies import robot_of, set_bodies, urdf_of
 
 #: Step of an exported MuJoCo model in s.
 TIMESTEP: Final = 5e-4
@@ -133,6 +133,7 @@ def mujoco_spec(estimate: ActuatorEstimate, kp: float) -> tuple[Any, Any]:
     spec.option.timestep = TIMESTEP
     spec.option.integrator = engine.mjtIntegrator.mjINT_IMPLICITFAST
     names = {joint.name for joint in estimate.joints}
+    efforts = {joint.name: joint.limits.effort for joint in robot_of(estimate).active}  # also those of its actuators
     for old in list(spec.actuators):  # the model's own would act beside the identified ones
         if old.trntype == engine.mjtTrn.mjTRN_JOINT and old.target in names:
             spec.delete(old)
@@ -143,9 +144,10 @@ def mujoco_spec(estimate: ActuatorEstimate, kp: float) -> tuple[Any, Any]:
         joint.solref_friction = [2.0 * TIMESTEP, 1.0]
         actuator = spec.add_actuator(name=one.name, target=one.name, trntype=engine.mjtTrn.mjTRN_JOINT)
         actuator.set_to_position(kp=one.stiffness, kv=one.damping_gain)
-        if np.isfinite(one.largest_torque):
-            actuator.forcelimited, actuator.forcerange = True, [-one.largest_torque, one.largest_torque]
-            joint.actfrclimited, joint.actfrcrange = True, [-one.largest_torque, one.largest_torque]
+        most = one.largest_torque if np.isfinite(one.largest_torque) else efforts.get(own.name, np.inf)
+        if np.isfinite(most):
+            actuator.forcelimited, actuator.forcerange = True, [-most, most]
+            joint.actfrclimited, joint.actfrcrange = True, [-most, most]
         if one.delay_s > 0:
             actuator.delay = one.delay_s
             actuator.nsample = int(np.ceil(one.delay_s / TIMESTEP)) + 1
