@@ -231,9 +231,7 @@ class PooledLogs:
         ]
         made, stated = self._rows_of(parts), [joint.drive.reflected_inertia > 0 for joint in self._robot.active]
         signs = [rigid.parameters[k].nonnegative for k in rigid.independent] + [False] * later
-        beside = [
-            stated[j] and any(part.is_inertia) for j in drives for part in parts
-        ]  # the stated rotor's: may be < 0
+        beside = [stated[j] and any(part.is_inertia) for j in drives for part in parts]  # a stated one: may be < 0
         signs += [c.nonnegative and not is_rest for each, is_rest in zip(has, beside, strict=True) for c in each]
         blocks, every = np.cumsum([0, *(len(log.rows) for log in self._logs)]), [np.concatenate(own) for own in places]
         products = tuple(np.zeros((blocks[-1], len(own), len(own))) for own in every)
