@@ -54,12 +54,23 @@ def test_rows_in_any_order_of_their_signs_and_units_are_the_same(joined: Trial) 
     assert joined_at(pauses, q)[0].tolist() == []  # in two seconds it may go anywhere: a gap in time
 
 
+@pytest.mark.parametrize("rest", [0, 5, 20])
+def test_episodes_that_end_at_rest_are_told(rest: int) -> None:
+    """An encoder at rest repeats its position: the row before the jump is the same as those before it."""
+    share = np.clip(np.arange(ROWS) / (ROWS - rest), 0, 1)
+    way = np.outer(share**3 * (10 - 15 * share + 6 * share**2), [1.0, -0.7, 0.5])
+    starts = np.array([[0.0, 0.0, 0.0], [-0.5, 0.3, 0.1], [0.4, 0.9, -1.0]])
+    q = np.round(np.concatenate([way + start for start in starts]) / 1e-3) * 1e-3
+    assert joined_at(np.arange(len(q)) / RATE, q)[0].tolist() == [ROWS, 2 * ROWS]
+
+
 def test_a_right_log_is_silent_however_it_was_recorded(trial: Trial) -> None:
     t, q = trial.columns["t"], trial.columns["q"]
     generator = np.random.default_rng(0)
     kept = generator.random(len(t)) > 0.3
     bridged = (np.arange(len(t)) % 500) > 60
     held = np.repeat(q[::10], 10, axis=0)[: len(t)]
+    frozen = ((np.arange(len(t)) > 700) & (np.arange(len(t)) < 730))[:, None] & [True, True, False]
     late = np.maximum.accumulate(t + np.abs(generator.standard_t(2, size=len(t))) / RATE) + 1e-7 * np.arange(len(t))
     for name, time, positions in (
         ("as it is", t, q),
@@ -71,6 +82,7 @@ def test_a_right_log_is_silent_however_it_was_recorded(trial: Trial) -> None:
         ("coarse clock", np.floor(t / 0.04) * 0.04 + 1e-6 * np.arange(len(t)), q),
         ("time of arrival", late, q),
         ("positions held", t, held),
+        ("two joints held for a while", t, np.where(frozen, q[700], q)),
         ("a spike of all joints", t, q + (np.arange(len(t)) == 700)[:, None]),
         ("twelve rows", t[:12], q[:12]),
         ("at rest", t, np.zeros_like(q)),

@@ -75,9 +75,9 @@ class JoinedRecordings(Check):
 def joined_at(time: Array, q: Array, limits: Array | None = None) -> tuple[IntArray, BoolArray]:
     """Return the rows that positions jump into, shape (K,), and which joints do there, shape (K, n).
 
-    A joint jumps where one step goes far beyond what it does in the steps before and after, scaled to the time of the
-    step, and beyond its usual speed and speed limit. Rows that hold the positions of the row before are left out, and
-    so are gaps in time.
+    A joint jumps where one step goes far beyond what it does in the steps before and after, scaled to the time since
+    it moved last, and beyond its usual speed and speed limit. Rows that hold the positions of the row before are left
+    out, and so are gaps in time.
 
     Args:
         time: Time of the rows in s, shape (N,), running forward.
@@ -89,6 +89,8 @@ def joined_at(time: Array, q: Array, limits: Array | None = None) -> tuple[IntAr
     if len(rows) < 2 * AROUND + 2 or q.shape[1] < SEVERAL:
         return none
     moved, seconds = np.abs(np.diff(q[rows], axis=0)), np.diff(time[rows])
+    changed = np.maximum.accumulate(np.where(moved > 0, time[rows[1:], None], time[0]), axis=0)
+    waited = time[rows[1:], None] - np.vstack([np.full(q.shape[1], time[0]), changed[:-1]])  # since its joint moved
     middle = float(np.median(seconds))
     seconds = np.maximum(seconds, middle)  # a coarse clock makes no speed
     speeds = moved / seconds[:, None]
@@ -97,10 +99,10 @@ def joined_at(time: Array, q: Array, limits: Array | None = None) -> tuple[IntAr
     if limits is not None:
         stated = np.isfinite(limits) & (limits > 0)
         fast = np.where(stated, np.clip(limits, fast, FASTEST * usual), fast)
-    places = np.flatnonzero(((speeds > fast).sum(axis=1) >= SEVERAL) & (seconds <= GAP * middle))
+    places = np.flatnonzero(((speeds > fast).sum(axis=1) >= SEVERAL) & (np.diff(time)[rows[1:] - 1] <= GAP * middle))
     places = places[(places >= AROUND) & (places < len(moved) - AROUND)]
     around = places[:, None] + np.r_[-AROUND:0, 1 : AROUND + 1]
-    allowed = (moved[around] * np.maximum(seconds[places, None] / seconds[around], 1.0)[:, :, None]).max(axis=1)
+    allowed = (moved[around] * np.maximum(waited[places, None] / seconds[around][:, :, None], 1.0)).max(axis=1)
     jumps = (moved[places] > FARTHER * allowed) & (speeds[places] > fast)
     several = jumps.sum(axis=1) >= SEVERAL
     return rows[places[several] + 1], jumps[several]
