@@ -71,7 +71,7 @@ class DynamicModel(ModelMethods):
         joints = self.robot.active
         friction = tuple(
             Parameter(
-                c.symbol, joint.name, c.unit_of(joint.kind), "rotor", c.nonnegative, -joint.drive.reflected_inertia
+                c.symbol, joint.name, c.unit_of(joint.kind), "rotor", c.nonnegative, 0.0 - joint.drive.reflected_inertia
             )
             if inertia
             else Parameter(c.symbol, joint.name, c.unit_of(joint.kind), "friction", c.nonnegative)
