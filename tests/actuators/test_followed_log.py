@@ -108,6 +108,7 @@ def test_the_report_has_every_log_and_the_friction(folder: Path) -> None:
     ("words", "said"),
     [
         (["validate", "a.json", "steps_kp4.csv", "--split", "first:0.5"], "a.json holds actuators"),
+        (["validate", "a.json", "steps_kp4.csv", "--case", "case.yaml"], "a.json holds actuators"),
         (["report", "a.json", "--prove"], "a.json holds actuators"),
         (["report", "a.json", "-o", "a.json"], "a.json"),
         (["validate", "a.json", "none.csv"], "none.csv"),

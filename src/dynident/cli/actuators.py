@@ -227,7 +227,7 @@ def validate(options: argparse.Namespace) -> int:
     from dynident.results.actuator_report import errors_table, mean_lines
     from dynident.results.actuator_text import all_warnings
 
-    estimate, runs = _followed(options, ("accept", "split", "full"), options.logs, options.report)
+    estimate, runs = _followed(options, ("case", "accept", "split", "full"), options.logs, options.report)
     if options.json:
         console.answer_json({"robot": estimate.robot, "roll_outs": _listed(runs)})
         return 0
