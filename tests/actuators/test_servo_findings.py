@@ -63,7 +63,7 @@ def test_commands_that_are_read_back_are_named(log: ServoLog, robot: Robot) -> N
     """A position that is read twice, with the noise of its encoder."""
     noise = np.random.default_rng(0).normal(0.0, 1e-3, log.q.shape)
     twice = replace(log, q_ref=log.q + noise)
-    assert names(twice) == [("error", "command read back")] and is_read_back(twice, 0)
+    assert names(twice) == [("warning", "command read back")] and is_read_back(twice, 0)
     joint = identify_actuators(robot, ServoSetup((LAW,), ServoColumns(("joint1",)), "m1"), [twice]).joints[0]
     assert any("where they are read back" in text for text in joint.remarks)
     for own in virtual_logs(robot, parameters(), gains=(2.0, 20.0)):

@@ -92,9 +92,9 @@ def _read_back(log: ServoLog, joint: int) -> list[Finding]:
     if not is_read_back(log, joint):
         return []
     error = (log.q_ref - log.q)[log.enabled[:, joint] & ~log.failed[:, joint], joint]
-    evidence = f"its command is its position and noise of {1e3 * float(np.std(error)):.2g} mrad, which moves no joint"
+    evidence = f"its command is its position and noise of {1e3 * float(np.std(error)):.2g} mrad from sample to sample"
     remedy = "where the command is a position that is read back, log what the controller sends (goal position)"
-    return [Finding("error", "command read back", log.joints[joint], evidence, remedy)]
+    return [Finding("warning", "command read back", log.joints[joint], evidence, remedy)]
 
 
 def _never_off(log: ServoLog, joint: int) -> list[Finding]:
