@@ -104,7 +104,8 @@ def all_spans(
 
 def reach_of(model: DynamicModel, logs: Sequence[Log]) -> float:
     """Return half the largest range of the motion of a drive, in rad or m: further no drive slips at every reversal."""
-    return max(float(np.ptp(np.asarray(log.q) @ np.asarray(model.robot.coupling).T, axis=0).max()) for log in logs) / 2
+    turns = np.asarray(model.robot.coupling).T  # what is not finite is refused elsewhere, by its name
+    return max(float(np.ptp(np.where(np.isfinite(log.q), log.q, 0.0) @ turns, axis=0).max()) for log in logs) / 2
 
 
 def spans_of(
