@@ -121,6 +121,19 @@ def test_the_rate_of_columns_whose_names_tell_all_but_the_time_follows_from_the_
         np.testing.assert_allclose(case.read(case.train[0]).time, motion["time"] - motion["time"][0], atol=1e-9)
 
 
+def test_the_rate_and_torques_of_other_names_are_both_asked_for(
+    arm: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    """The values are read once, and neither question takes the place of the other."""
+    header = [name.format(k + 1) for name in ("q{}", "dq{}", "foo{}") for k in range(arm.dof)]
+    values = blocks(motion["q"], motion["dq"], motion["torque"])
+    np.savetxt(tmp_path / "run.csv", values, delimiter=",", header=",".join(header), comments="")
+    draft = draft_case(write_robot(tmp_path / "arm.json", arm), str(tmp_path / "run.csv"), tmp_path)
+    asked = " ".join(one.text for one in draft.questions)
+    assert "no column runs forward as a time" in asked and "'foo' is not known; the equations of motion" in asked
+    assert draft.recognition.sources["torque"].columns == tuple(f"foo{k + 1}" for k in range(arm.dof))
+
+
 @pytest.mark.parametrize("with_velocities", [True, False])
 @pytest.mark.parametrize("size", [1.0, 40.0, 0.0])
 def test_torques_whose_names_are_not_known_are_proposed_by_their_values(

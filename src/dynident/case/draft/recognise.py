@@ -33,7 +33,7 @@ from dynident.case.draft.stated_units import (
     units_of_profile,
 )
 from dynident.case.draft.stepping_joints import without_steps
-from dynident.case.draft.unnamed_columns import by_structure, with_effort_by_values, with_time_by_values
+from dynident.case.draft.unnamed_columns import by_structure, with_missing_signals
 from dynident.case.draft.yaml_words import listed, quoted
 from dynident.case.evidence.positions import STILL, strays, travel
 from dynident.case.evidence.torques import torque_evidence
@@ -74,8 +74,7 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
     if not fits and "q" not in found.sources and "q" not in found.rivals:
         found, tables = by_structure(found, tables)
     elif not fits and "q_ref" not in found.sources:
-        found, tables = with_time_by_values(found, tables)
-        found = with_effort_by_values(found, tables[0])
+        found, tables = with_missing_signals(found, tables)
     if not found.time or "q" not in found.sources:
         return found
     columns = {signal: source.columns for signal, source in found.sources.items()}

@@ -46,17 +46,30 @@ def by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recogni
     return replace(found, left_out=left_out, structure=told), tables
 
 
-def with_time_by_values(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recognised, Sequence[LogTable]]:
-    """Return what is recognised, and the tables, with the time that values tell where names tell positions and no time.
+def with_missing_signals(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recognised, Sequence[LogTable]]:
+    """Return what is recognised, and the tables, with the time and torques by values where names give positions alone.
 
-    Velocities are the derivative of the positions by it: a column that runs forward in even steps, or a rate.
+    Velocities are the derivative of the positions by the time: a column that runs forward in even steps, or a rate.
+    Torques are asked for: their names are not known, and say nothing of their unit.
     """
-    positions = found.sources.get("q")
-    told = None if found.time or positions is None else _structure(found, tables[0])
-    if told is None or "dq" not in told.groups or positions is None or told.groups["q"].names != positions.columns:
+    positions, effort = found.sources.get("q"), {"torque", "current"}
+    known = {found.time, *_refused(found), *(name for source in found.sources.values() for name in source.columns)}
+    free = [name for name in found.header if name not in known]
+    has_effort = bool(effort & (found.sources.keys() | found.rivals.keys()))
+    if positions is None or (found.time and (has_effort or len(free) < len(positions.columns))):
         return found, tables
-    found, tables = _timed(found, told, tables)
-    return (replace(found, structure=replace(told, groups={}, rivals={})) if found.is_clocked else found), tables
+    told = _structure(found, tables[0])
+    if told is None or "q" not in told.groups or told.groups["q"].names != positions.columns:
+        return found, tables
+    if not found.time and "dq" in told.groups:
+        found, tables = _timed(found, told, tables)
+        found = replace(found, structure=replace(told, groups={}, rivals={})) if found.is_clocked else found
+    columns = told.groups["torque"].names if "torque" in told.groups and "torque" not in told.rivals else ()
+    if columns and not has_effort and set(free).issuperset(columns):
+        words = tuple(dict.fromkeys(word for name in columns for word in tokens_of(name) if not word.isdigit()))
+        torque = SignalSource(columns, "", "link", told.evidence["torque"], words)
+        found = replace(found, sources={**found.sources, "torque": torque}, structure=replace(told, rivals={}))
+    return found, tables
 
 
 def _timed(
@@ -68,27 +81,6 @@ def _timed(
     time = f"{np.format_float_positional(told.rate_hz, trim='-')} Hz"
     found = replace(found, time=time, is_clocked=True)
     return found, [with_clock(table, time, told.rate_hz) for table in tables]
-
-
-def with_effort_by_values(found: Recognised, table: LogTable) -> Recognised:
-    """Return what is recognised, with the torques that values tell where names tell positions and no effort.
-
-    They are asked for: their names are not known, and say nothing of their unit.
-    """
-    positions, effort = found.sources.get("q"), {"torque", "current"}
-    known = {found.time, *_refused(found), *(name for source in found.sources.values() for name in source.columns)}
-    free = [name for name in found.header if name not in known]
-    if positions is None or effort & (found.sources.keys() | found.rivals.keys()):
-        return found
-    told = _structure(found, table) if len(free) >= len(positions.columns) else None
-    if told is None or "torque" not in told.groups or "torque" in told.rivals:
-        return found
-    columns = told.groups["torque"].names
-    if told.groups["q"].names != positions.columns or not set(free).issuperset(columns):
-        return found
-    words = tuple(dict.fromkeys(word for name in columns for word in tokens_of(name) if not word.isdigit()))
-    torque = SignalSource(columns, "", "link", told.evidence["torque"], words)
-    return replace(found, sources={**found.sources, "torque": torque}, structure=replace(told, rivals={}))
 
 
 def _structure(found: Recognised, table: LogTable) -> TableStructure | None:
