@@ -77,6 +77,23 @@ def write_atomically(path: str | os.PathLike[str], data: str | bytes) -> None:
         raise FileError(path, evidence, "check the folder, its rights and the space left") from error
 
 
+def size_of_file(path: str | os.PathLike[str]) -> int:
+    """Return the bytes of an ordinary file.
+
+    Raises:
+        FileError: It is a folder or no ordinary file, or cannot be reached.
+    """
+    try:
+        found = os.stat(path)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if stat.S_ISDIR(found.st_mode):
+        raise FileError(path, "this is a folder", "give a file")
+    if not stat.S_ISREG(found.st_mode):
+        raise FileError(path, "this is no ordinary file", "save the data to a file first")
+    return found.st_size
+
+
 def check_place(path: str | os.PathLike[str]) -> tuple[Path, int | None]:
     """Refuse a place where no file can be written: worth asking before the work whose result goes there.
 

@@ -531,9 +531,9 @@ def test_decimal_commas_are_seen_where_the_first_column_has_none(
 @pytest.mark.parametrize(
     ("cells", "step"),
     [
-        (("2024-05-01T12:00:00.5", "1"), "write the time as a number, such as seconds from the first row on"),
-        (("12:00:01", "1"), "no date is read"),
-        (("s", "rad"), r"put them into the names, such as q1 \[rad\]"),
+        (("2024-05-01 12:00", "1"), "write the time in seconds, or as in 2024-"),
+        (("1/2/2024 12:00:01", "1"), "write the time in seconds"),
+        (("s", "ticks"), r"put them into the names, such as q1 \[rad\]"),
         (("0.1x", "1"), "correct the cell"),
     ],
 )

@@ -142,7 +142,7 @@ def test_monitor_tells_alarms_of_a_stream_as_they_begin(
     header, *rows = Path("clean.csv").read_text().splitlines()
     for text, evidence in (
         ("", "it ended before its first row"),
-        ("\n".join([header, rows[0], rows[1].replace(",", ",x", 1)]), "row 2: column 'q1' holds 'x"),
+        ("\n".join([header, rows[0], rows[1].replace(",", ",x", 1)]), "standard input:3: column 'q1' holds 'x"),
         ("\n".join([header, rows[0], rows[0]]), "row 2: time in column 't' repeats"),
         ("\n".join([header.replace(",q1,", ",z,"), *rows[:3]]), "no column 'q1'"),
     ):

@@ -473,3 +473,77 @@ def test_the_family_knows_its_part():
     assert "csv" in FORMATS.names()
     assert FORMATS.get("csv") is Csv
     assert [option.name for option in FORMATS.options("csv")] == ["decimal", "names"]
+
+
+def stamped_table(stamps, **kind):
+    """Return a sound table whose first cells are texts."""
+    header, *rows = table(**kind)
+    return [header, *(f"{stamp},{row.partition(',')[2]}" for stamp, row in zip(stamps, rows, strict=False))]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "start"),
+    [
+        ("2024-03-01T10:00:{:06.3f}", 1709287200.0),
+        ("2024-03-01 10:00:{:06.3f}Z", 1709287200.0),
+        ("2024-03-01T10:00:{:06.3f}+01:00", 1709283600.0),
+        ("10:00:{:06.3f}", 36000.0),
+        ("9:00:{:09.6f}", 32400.0),
+    ],
+)
+def test_time_stamps_that_read_one_way_are_seconds(tmp_path, pattern, start):
+    seconds = np.arange(ROWS) / 8
+    path = saved(tmp_path, stamped_table(map(pattern.format, seconds)))
+    log = read_log(path, ColumnMap())
+    np.testing.assert_allclose(log.time, start + seconds, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(np.hstack([log.q, log.torque]), COLUMNS)
+    assert "t in seconds from time stamps" in log.source.steps[0]
+    with pytest.raises(BadOption, match=r"units.time = 'ms' is not possible; leave it out: t holds time stamps"):
+        read_log(path, ColumnMap(units=Units(time="ms")))
+
+
+@pytest.mark.parametrize(
+    ("number", "cell", "evidence"),
+    [
+        (
+            5,
+            "01.03.2024 10:00:00",
+            "'01.03.2024 10:00:00', which is not a time stamp as in the first row; write the time in seconds, or as in",
+        ),
+        (5, "10:61:00", "'10:61:00', which is not a time stamp as in the first row; write the time in seconds"),
+        (5, "10:00:00.125 AM", "which is not a time stamp as in the first row; write the time in seconds"),
+        (5, "36000.5", "column 't' holds '36000.5', which is not a time stamp as in the first row"),
+        (5, "10:00:00.000", "runs back: 36000.25 s, then 36000 s"),
+    ],
+)
+def test_other_dates_are_refused_by_line(tmp_path, number, cell, evidence):
+    lines = stamped_table(f"10:00:{k / 8:06.3f}" for k in range(ROWS))
+    lines[number - 1] = cell + "," + lines[number - 1].partition(",")[2]
+    with pytest.raises(LogFormatError) as caught:
+        read_log(saved(tmp_path, lines), ColumnMap())
+    assert caught.value.line == number and evidence in str(caught.value)
+
+
+def test_a_time_stamp_where_no_first_row_has_one_is_refused(tmp_path):
+    with pytest.raises(LogFormatError, match="column 'q1' holds '10:00:00', which is not a number"):
+        read_log(saved(tmp_path, edited(4, "0.02,10:00:00,1,1,1")), ColumnMap())
+
+
+@pytest.mark.parametrize("before", [[], ["Robot 7", "operator: nobody"]])
+@pytest.mark.parametrize("units", ["s,deg,deg,N m,Nm", "[s],[deg],[deg],[N*m],[-]", "ms,rad,rad,A,"])
+def test_a_row_of_units_under_the_header_goes_into_the_names(tmp_path, units, before):
+    header, *rows = table()
+    plain = [unit.strip("[]-") for unit in units.split(",")]
+    names = [f"{name} [{unit}]" if unit else name for name, unit in zip(header.split(","), plain, strict=True)]
+    path = saved(tmp_path, [*before, header, units, *rows])
+    assert read_header(path) == tuple(names)
+    log = read_log(path, ColumnMap(time=names[0], joints=("a", "b"), q=tuple(names[1:3]), torque=tuple(names[3:])))
+    np.testing.assert_array_equal(np.hstack([log.q, log.torque]), COLUMNS)
+    assert f"the units in line {len(before) + 2} put into the names" in log.source.steps[0]
+
+
+def test_a_second_row_of_other_words_is_no_row_of_units(tmp_path):
+    header, *rows = table()
+    path = saved(tmp_path, [header, "s,shoulder,elbow,shoulder,elbow", *rows])
+    with pytest.raises(LogFormatError, match="if the row holds units, remove it and put them into the names"):
+        read_log(path, ColumnMap())

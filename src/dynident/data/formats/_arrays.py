@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import stat
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, LogTable
-from dynident.errors import FileError, LogFormatError
-from dynident.files import sha256_of, unreadable
+from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, LogTable, check_size
+from dynident.errors import LogFormatError
+from dynident.files import sha256_of
 
 #: Rows that are taken at a time from files that give them in parts.
 _ROWS = 1 << 15
@@ -156,14 +154,5 @@ def checked_file(path: str | Path, most: int) -> str:
         FileError: It cannot be read, or is no ordinary file.
         LogFormatError: It is larger.
     """
-    try:
-        found = os.stat(path)
-    except OSError as error:
-        raise unreadable(path, error) from error
-    if not stat.S_ISREG(found.st_mode):
-        what = "this is a folder" if stat.S_ISDIR(found.st_mode) else "this is no ordinary file"
-        raise FileError(path, what, "give a file")
-    if found.st_size > most:
-        evidence = f"{found.st_size / 2**30:.3g} GiB, more than the {most / 2**30:.3g} GiB that are read at once"
-        raise LogFormatError(path, None, evidence, "split it into several logs")
+    check_size(path, most, "split it into several logs")
     return sha256_of(path)

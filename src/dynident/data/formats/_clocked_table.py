@@ -6,15 +6,15 @@ import re
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import Blocks, LogTable
+from dynident.data.formats._table import Blocks, LogTable, TableOfTable
 from dynident.data.formats._units import UNITS
 from dynident.data.formats.base import ColumnMap, missing_column
-from dynident.errors import BadOption, LogFormatError
+from dynident.errors import BadOption
 
 #: What stands for the column of the time where a file has none.
 RATE = re.compile(r"([0-9]*\.?[0-9]+) ?Hz")
@@ -24,18 +24,14 @@ SUM = re.compile(r"(.+) (s|ms|us|ns) \+ (.+) (s|ms|us|ns)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class TimedTable(LogTable):
+class TimedTable(TableOfTable):
     """A table with one column more: the time, in s.
 
     Attributes:
-        inner: The file.
         clock: Name of the added column, as the map of columns states it.
     """
 
-    inner: LogTable
     clock: str
-
-    rereads: ClassVar = False
 
     @property
     @abstractmethod
@@ -45,11 +41,6 @@ class TimedTable(LogTable):
     @abstractmethod
     def time(self, rows: int, start: int, columns: Mapping[str, Array]) -> Array:
         """Return the time of rows in s, shape (rows,); ``columns`` are those of the file that were read for them."""
-
-    def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`LogTable.columns`."""
-        inside = self._inside(names)
-        return self._timed(self.inner.columns(inside), inside, names, 0)
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
         """Return some columns and what was done; see :meth:`LogTable.read`."""
@@ -68,10 +59,6 @@ class TimedTable(LogTable):
                 return end.value
             yield self._timed(values, inside, names, start)
             start += len(values)
-
-    def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
-        """Return the error to raise for a row; see :meth:`LogTable.fault`."""
-        return self.inner.fault(row, evidence, step)
 
     def _inside(self, names: Sequence[str]) -> list[str]:
         """Return the columns to read of the file: one at least, as it says how many rows there are."""
@@ -139,6 +126,8 @@ def clocked(table: LogTable, columns: ColumnMap) -> LogTable:
         BadOption: A rate that is none, or a unit of the time beside it.
         LogFormatError: A column of the sum is missing.
     """
+    if columns.time in table.time_stamps and columns.units.time != "s":
+        raise BadOption("units.time", columns.units.time, f"leave it out: {columns.time} holds time stamps")
     if columns.time in table.header:
         return table
     stated, summed = RATE.fullmatch(columns.time), SUM.fullmatch(columns.time)

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 from dynident.arrays import Array
 from dynident.data.formats._bag_table import BagTable
-from dynident.data.formats._table import Blocks, LogTable
+from dynident.data.formats._table import Blocks, LogTable, TableOfTable
 from dynident.data.formats.base import NUMBERED, ColumnMap
-from dynident.errors import LogFormatError
 
 #: Frame in the headers of states of joints that the virtual cell has written.
 FRAME = "dynident simulate"
@@ -24,22 +22,14 @@ _WORDS = {"q": "position", "dq": "velocity", "torque": "effort"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class RenamedTable(LogTable):
+class RenamedTable(TableOfTable):
     """A table with other names for some columns.
 
     Attributes:
-        inner: The file.
         own: Names in the file, by those in the header.
     """
 
-    inner: LogTable
     own: Mapping[str, str]
-
-    rereads: ClassVar = False
-
-    def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`LogTable.columns`."""
-        return self.inner.columns(self._inside(names))
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
         """Return some columns and what was done; see :meth:`LogTable.read`."""
@@ -48,10 +38,6 @@ class RenamedTable(LogTable):
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
         """Return some columns in blocks; see :meth:`LogTable.batches`."""
         return self.inner.batches(self._inside(names), rows)
-
-    def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
-        """Return the error to raise for a row; see :meth:`LogTable.fault`."""
-        return self.inner.fault(row, evidence, step)
 
     def _inside(self, names: Sequence[str]) -> list[str]:
         return [self.own.get(name, name) for name in names]

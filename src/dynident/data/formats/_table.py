@@ -14,6 +14,7 @@ from dynident.arrays import Array
 from dynident.data.formats.base import ColumnMap, shown
 from dynident.data.log import Log, Source
 from dynident.errors import LogFormatError
+from dynident.files import size_of_file
 
 #: Fewer rows than this are no log.
 MIN_SAMPLES = 10
@@ -46,6 +47,7 @@ class LogTable(ABC):
         how: In words how it is read, for the provenance.
         line: Line of the header where the file is text, counted from 1; else None.
         rereads: Whether some columns can be read again at little cost; a stream keeps the rows of others on disk.
+        time_stamps: Columns whose cells are time stamps, read in s.
         has_frames: Whether messages of a recording are behind it, each with the name of its frame.
     """
 
@@ -54,6 +56,7 @@ class LogTable(ABC):
     header: tuple[str, ...]
     how: str
     line: int | None = None
+    time_stamps: tuple[str, ...] = ()
 
     rereads: ClassVar[bool] = True
     has_frames: ClassVar[bool] = False
@@ -92,6 +95,27 @@ class LogTable(ABC):
         return LogFormatError(self.path, None, f"row {row + 1}: {evidence}", step)
 
 
+@dataclass(frozen=True, kw_only=True)
+class TableOfTable(LogTable):
+    """A file seen through other names, or with rows or columns more or less.
+
+    Attributes:
+        inner: The file.
+    """
+
+    inner: LogTable
+
+    rereads: ClassVar = False
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return some columns; see :meth:`LogTable.columns`."""
+        return self.read(names)[0]
+
+    def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
+        """Return the error to raise for a row; see :meth:`LogTable.fault`."""
+        return self.inner.fault(row, evidence, step)
+
+
 def log_of(table: LogTable, columns: ColumnMap) -> Log:
     """Return the log that a map of columns makes of a table, in SI units.
 
@@ -105,6 +129,19 @@ def log_of(table: LogTable, columns: ColumnMap) -> Log:
     log = checked.block(values)
     checked.end()
     return replace(log, source=checked.source(notes))
+
+
+def check_size(path: str | Path, most: int, step: str) -> None:
+    """Refuse what is no ordinary file, and a file of more than ``most`` bytes.
+
+    Raises:
+        FileError: It is no ordinary file, or cannot be reached.
+        LogFormatError: It is larger.
+    """
+    size = size_of_file(path)
+    if size > most:
+        evidence = f"{size / 2**30:.3g} GiB, more than the {most / 2**30:.3g} GiB that are read at once"
+        raise LogFormatError(path, None, evidence, step)
 
 
 def bytes_of(place: Path) -> int:

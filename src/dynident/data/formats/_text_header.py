@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 from dynident.errors import LogFormatError
@@ -17,6 +18,15 @@ DELIMITERS: dict[str | None, str] = {"\t": "tab", ";": "semicolon", ",": "comma"
 
 #: A cell that is a number, with a decimal point.
 NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
+
+#: A time that reads one way only: date and time by ISO 8601, or a time of day.
+_STAMP = re.compile(r"(?:\d{4}-\d\d-\d\d[T ])?\d?\d:\d\d:\d\d(?!\d|:)", re.ASCII)
+
+#: A cell of a row of units, blanks and points taken out.
+_UNIT = re.compile(
+    r"[\[(]?(?:s|sec|[mµu]s|ns|(?:rad|deg|grad|°|m?m)(?:/s(?:\^?2|²|/s)?|s(?:\^?-[12]))?|m?nm|n|m?[av]|%|‰|°?c|-|)[\])]?",
+    re.IGNORECASE,
+)
 
 _MAX_LINE = 1 << 20
 
@@ -65,6 +75,25 @@ def find_header(path: str | Path, decimal: str) -> TextLayout:
         LogFormatError: The file is empty, holds only comments, or a line is too long for a table.
     """
     lines, comment, stated = _first_lines(path)
+    layout = _layout(lines, comment, decimal, stated)
+    after = [line for line in lines if line.number > layout.before]
+    units = _units(_names(after[0].text, layout.delimiter)) if after else ()
+    if not units or len(units) != len(layout.header):
+        return layout
+    header = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(layout.header, units, strict=True))
+    note = f"{layout.note}, the units in line {after[0].number} put into the names"
+    return replace(layout, header=header, before=after[0].number, note=note)
+
+
+def _units(cells: Sequence[str]) -> tuple[str, ...]:
+    """Return the units in a row of units, without brackets, where there are two at least; else nothing."""
+    is_units = all(_UNIT.fullmatch(re.sub(r"[\s.·*]", "", cell)) for cell in cells)
+    found = tuple(cell.strip("[]()- ") for cell in cells)
+    return found if is_units and sum(map(bool, found)) > 1 else ()
+
+
+def _layout(lines: Sequence[_Line], comment: _Line | None, decimal: str, stated: str | None) -> TextLayout:
+    """Return where the header stands among the first lines."""
     first = lines[0]
     delimiter = delimiter_of([line.text for line in lines], decimal, stated)
     names = _names(first.text, delimiter)
@@ -124,9 +153,9 @@ def _header_at(lines: Sequence[_Line], decimal: str, stated: str | None) -> tupl
     names, *rows = (_names(text, delimiter) for text in texts)
     if len(names) < 2 or any(len(row) != len(names) for row in rows):
         return None
-    if any(_is_number(name, decimal) for name in names) or not all(_is_number(row[0], decimal) for row in rows):
+    if any(_is_number(name, decimal) for name in names) or not all(_is_number(row[0], decimal) for row in rows[1:]):
         return None
-    return names, delimiter
+    return (names, delimiter) if _is_number(rows[0][0], decimal) or _units(rows[0]) else None
 
 
 def delimiter_of(texts: Sequence[str], decimal: str, stated: str | None) -> str | None:
@@ -145,7 +174,25 @@ def _names(text: str, delimiter: str | None) -> tuple[str, ...]:
 
 
 def _is_number(cell: str, decimal: str) -> bool:
-    return NUMBER.fullmatch(cell if decimal == "." else cell.replace(",", ".")) is not None
+    return is_stamp(cell) or NUMBER.fullmatch(cell if decimal == "." else cell.replace(",", ".")) is not None
+
+
+def is_stamp(cell: str) -> bool:
+    """Return whether a cell holds a time that reads one way only: that of ISO 8601, or a time of day."""
+    return _STAMP.match(cell.strip()) is not None
+
+
+def seconds_of(cell: str) -> float:
+    """Return the seconds of a time stamp: since 1970, by UTC where it names no zone; or of the day.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if not is_stamp(cell):
+        raise ValueError(cell)
+    text = cell.strip().replace(",", ".")
+    found = datetime.fromisoformat(text if text[4] == "-" else "1970-01-01T" + "0" * (text[1] == ":") + text)
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
 def _first_lines(path: str | Path) -> tuple[list[_Line], _Line | None, str | None]:

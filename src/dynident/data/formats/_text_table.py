@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import codecs
 import hashlib
-import os
 import re
-import stat
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import ClassVar, TextIO
@@ -17,7 +16,7 @@ from typing import ClassVar, TextIO
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import TOO_LARGE, Blocks, LogTable
+from dynident.data.formats._table import TOO_LARGE, Blocks, LogTable, check_size
 from dynident.data.formats._text_header import (
     DELIMITERS,
     ENCODING,
@@ -26,9 +25,11 @@ from dynident.data.formats._text_header import (
     cells_of,
     find_header,
     headless,
+    is_stamp,
+    seconds_of,
 )
 from dynident.data.formats.base import shown
-from dynident.errors import FileError, LogFormatError
+from dynident.errors import LogFormatError
 from dynident.files import unreadable
 
 #: Larger files are not read at once, and larger ones still are no logs.
@@ -37,9 +38,6 @@ MAX_COLUMNS = 4096
 CHUNK = 1 << 20
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
-
-#: A date or a time of day, which is not read: its zone and its steps are anyone's guess.
-_DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[./]\d{1,2}[./]\d{2,4}|\d{1,2}:\d\d:\d\d", re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,12 +62,12 @@ class TextTable(LogTable):
         Raises:
             LogFormatError: No rows, a row with another number of cells, or a cell that is no number.
         """
-        _check_size(self.path, MAX_BYTES, TOO_LARGE)
+        check_size(self.path, MAX_BYTES, TOO_LARGE)
         wanted = [self.header.index(name) for name in names]
         try:
             values = self._fast()[:, wanted]
         except (ValueError, IndexError):  # some cell or row is unsound, or only a column that is not asked for
-            values = self._careful(wanted, self.rows())
+            values = self.careful(wanted, self.rows())
         if not len(values):
             raise LogFormatError(self.path, self.line, "a header and no rows", "record the log again")
         return values
@@ -96,15 +94,18 @@ class TextTable(LogTable):
         """Return the wanted columns of some lines, of which ``before`` stand before them in the file."""
         try:
             points = lines if self.decimal == "." else self._with_points(lines)
-            with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
-                values = np.loadtxt(points, delimiter=self.delimiter, ndmin=2)
-            return self._whole(values)[:, wanted]
+            return self._loaded(points)[:, wanted]
         except (ValueError, IndexError):
-            return self._careful(wanted, self._held(enumerate(lines, before + 1)))
+            return self.careful(wanted, self.held(enumerate(lines, before + 1)))
 
-    def _whole(self, values: Array) -> Array:
-        """Return cells of as many columns as the header has, or raise ValueError."""
+    def _loaded(self, source: Iterable[str] | str, before: int = 0) -> Array:
+        """Return all cells of a file or of lines, of as many columns as the header has, or raise ValueError."""
+        stamps = dict[int | str, Callable[[str], float]]((self.header.index(n), seconds_of) for n in self.time_stamps)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
+            values = np.loadtxt(
+                source, delimiter=self.delimiter, skiprows=before, encoding=ENCODING, ndmin=2, converters=stamps or None
+            )
         if len(values) and values.shape[1] != len(self.header):
             raise ValueError(f"{values.shape[1]} cells, {len(self.header)} names")
         return values if len(values) else np.empty((0, len(self.header)))
@@ -122,21 +123,10 @@ class TextTable(LogTable):
 
     def _fast(self) -> Array:
         """Return all cells, or raise ValueError for the first that is not a number or a ragged row."""
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
-            if self.decimal == ".":
-                values = np.loadtxt(
-                    os.fspath(Path(self.path)),
-                    delimiter=self.delimiter,
-                    skiprows=self.before,
-                    encoding=ENCODING,
-                    ndmin=2,
-                )
-            else:
-                with _opened(self.path) as stream:
-                    lines = self._with_points(islice(stream, self.before, None))
-                    values = np.loadtxt(lines, delimiter=self.delimiter, ndmin=2)
-        return self._whole(values)
+        if self.decimal == ".":
+            return self._loaded(str(Path(self.path)), self.before)
+        with _opened(self.path) as stream:
+            return self._loaded(self._with_points(islice(stream, self.before, None)))
 
     def _with_points(self, lines: Iterable[str]) -> Iterator[str]:
         for line in lines:
@@ -147,16 +137,16 @@ class TextTable(LogTable):
     def rows(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of the lines that hold a row: not blank, not only a comment."""
         with _opened(self.path) as stream:
-            yield from self._held(islice(enumerate(stream, 1), self.before, None))
+            yield from self.held(islice(enumerate(stream, 1), self.before, None))
 
-    def _held(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    def held(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
         """Yield the lines that hold a row."""
         for number, line in lines:
             text = line.partition("#")[0].rstrip("\r\n")
             if text.strip():
                 yield number, text
 
-    def _careful(self, wanted: Sequence[int], lines: Iterable[tuple[int, str]]) -> Array:
+    def careful(self, wanted: Sequence[int], lines: Iterable[tuple[int, str]]) -> Array:
         """Return the wanted columns, or raise the error that names the first unsound cell."""
         rows = []
         for number, text in lines:
@@ -176,19 +166,23 @@ class TextTable(LogTable):
     def _number(self, text: str, name: str, line: int) -> float:
         cell = text.strip()
         plain = cell if self.decimal == "." else cell.replace(",", ".")
-        if NUMBER.fullmatch(plain) and not (self.decimal == "," and "." in cell):
+        if name in self.time_stamps:
+            with suppress(ValueError):
+                return seconds_of(cell)
+        elif NUMBER.fullmatch(plain) and not (self.decimal == "," and "." in cell):
             return float(plain)
         if not cell:
             return float("nan")
-        evidence = f"column '{shown(name)}' holds '{shown(cell)}', which is not a number"
+        kind = "a time stamp as in the first row" if name in self.time_stamps else "a number"
+        evidence = f"column '{shown(name)}' holds '{shown(cell)}', which is not {kind}"
         if self.decimal == "." and _DECIMAL_COMMA.fullmatch(cell):
             raise LogFormatError(self.path, line, evidence, 'if the commas are decimal signs, declare decimal: ","')
         raise LogFormatError(self.path, line, evidence, self._step(cell, line))
 
     def _step(self, cell: str, line: int) -> str:
         """Return what to do about a cell that is no number."""
-        if _DATE.match(cell):
-            return "write the time as a number, such as seconds from the first row on; no date is read"
+        if re.match(r"\d+[-./:]\d+[-./:]\d", cell):
+            return "write the time in seconds, or as in 2024-03-01T10:00:00.125 or 10:00:00.125 in every row"
         if self.line is not None and line == self.line + 1 and not any(sign.isdigit() for sign in cell):
             return "if the row holds units, remove it and put them into the names, such as q1 [rad]"
         return 'with decimal: "," points are refused' if "." in cell and self.decimal == "," else "correct the cell"
@@ -213,7 +207,7 @@ def open_table(path: str | Path, decimal: str = ".", names: Sequence[str] = ()) 
         raise unreadable(path, error) from error
     _check_header(path, layout)
     how = f"{DELIMITERS[layout.delimiter]}-separated text, decimal '{decimal}'"
-    return TextTable(
+    table = TextTable(
         path=str(path),
         sha256=digest,
         header=layout.header,
@@ -223,6 +217,14 @@ def open_table(path: str | Path, decimal: str = ".", names: Sequence[str] = ()) 
         decimal=decimal,
         before=layout.before,
     )
+    stamps = stamped(layout.header, cells_of(next(table.rows(), (0, ""))[1], layout.delimiter))
+    how = f"{table.how}, {', '.join(stamps)} in seconds from time stamps" if stamps else table.how
+    return replace(table, time_stamps=stamps, how=how)
+
+
+def stamped(header: Sequence[str], cells: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns that hold time stamps, by the cells of the first row."""
+    return tuple(name for name, cell in zip(header, cells, strict=False) if is_stamp(cell))
 
 
 def check_text(path: str | Path, most: int = MAX_BYTES) -> str:
@@ -232,27 +234,11 @@ def check_text(path: str | Path, most: int = MAX_BYTES) -> str:
         FileError: It cannot be read at all.
         LogFormatError: It is too large, binary or not UTF-8.
     """
+    check_size(path, most, "split it into several logs")
     try:
-        _check_place(path, most, "split it into several logs")
         return _check_bytes(path)
     except OSError as error:
         raise unreadable(path, error) from error
-
-
-def _check_place(path: str | Path, most: int, step: str) -> None:
-    found = os.stat(path)
-    if stat.S_ISDIR(found.st_mode):
-        raise FileError(path, "this is a folder", "give a file")
-    if not stat.S_ISREG(found.st_mode):
-        raise FileError(path, "this is no ordinary file", "save the data to a file first")
-    _check_size(path, most, step)
-
-
-def _check_size(path: str | Path, most: int, step: str) -> None:
-    size = os.stat(path).st_size
-    if size > most:
-        evidence = f"{size / 2**30:.3g} GiB, more than the {most / 2**30:.3g} GiB that are read at once"
-        raise LogFormatError(path, None, evidence, step)
 
 
 def _check_bytes(path: str | Path) -> str:
@@ -286,7 +272,7 @@ def _check_header(path: str | Path, layout: TextLayout) -> None:
     header, line = layout.header, layout.line
     if len(header) > MAX_COLUMNS:
         raise LogFormatError(path, line, f"{len(header)} columns", f"at most {MAX_COLUMNS} are read")
-    if all(NUMBER.fullmatch(name.replace(",", ".")) for name in header if name):
+    if all(is_stamp(name) or NUMBER.fullmatch(name.replace(",", ".")) for name in header if name):
         step = "add a header row such as t,q1,q2,tau1,tau2, or name the columns (log: format: {csv: {names: [...]}})"
         if layout.comment:
             step = f"if the comment '{shown(layout.comment)}' is the header, remove its '#'"

@@ -4,34 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.data.formats._table import Blocks, LogTable
+from dynident.data.formats._table import Blocks, LogTable, TableOfTable
 from dynident.data.formats.base import ColumnMap
 from dynident.errors import LogFormatError
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnrepeatedTable(LogTable):
+class UnrepeatedTable(TableOfTable):
     """A table without the rows whose time and values are those of the row before.
 
     Attributes:
-        inner: The file.
         clock: Its column of the time, which is compared along with whatever is read.
     """
 
-    inner: LogTable
     clock: str
     _left_out: list[int] = field(default_factory=list, init=False, repr=False, compare=False)
-
-    rereads: ClassVar = False
-
-    def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`LogTable.columns`."""
-        return self.read(names)[0]
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
         """Return some columns and what was done; see :meth:`LogTable.read`."""
