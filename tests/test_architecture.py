@@ -103,6 +103,7 @@ SMALL = {
     "cli/pools.py": "of three commands",
     "cli/proving.py": "of export and report",
     "cli/short_help.py": "help, apart from the parser",
+    "data/formats/_simulated_bag.py": "names in recordings of the virtual cell, apart from other recordings",
     "data/motor_side.py": "of logs and their streams",
     "data/preprocessing/_low_pass.py": "of two filters",
     "data/preprocessing/_zero_phase.py": "of two filters and of draft and checks",
