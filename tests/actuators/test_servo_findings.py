@@ -101,3 +101,7 @@ def test_check_is_the_command_for_it(
     assert main(["check", "case.yaml", "drop_kp200.csv", "--json"]) == 1
     (found,) = json.loads(capsys.readouterr().out)["logs"][0]["findings"]
     assert found["name"] == "saturated" and found["severity"] == "error"
+    write_csv(replace(log, enabled=~log.enabled), Path("inverted_kp2.csv"))
+    for words in (["check", "case.yaml"], ["identify", "-o", "a.json", "case.yaml"]):
+        assert main([*words, "inverted_kp2.csv"]) == 1
+        assert "the column of the torque is inverted: turn it over" in capsys.readouterr().err

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from servo_bench import parameters, virtual_logs, write_csv
+from servo_bench import motions, parameters, virtual_logs, write_csv
 
 from dynident.actuators.drive_law import preset
+from dynident.actuators.joint_load import with_payload
 from dynident.actuators.servo_files import kp_of, read_servo_logs
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup, laws_of
+from dynident.actuators.torque_state import check_torque_state
+from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.data.formats import ColumnMap
 from dynident.errors import DynidentError, LogFormatError, LogMismatch
 from dynident.model.robot import Robot
+from dynident.simulation.effects import Payload
 
 COLUMNS = ServoColumns(("joint1",), enabled=("torque_enable",), kp=4.0)
 
@@ -113,16 +118,36 @@ def test_a_fault_is_named_with_the_next_step(
     assert evidence in caught.value.evidence and step in caught.value.step and "a.csv" in str(caught.value)
 
 
-def test_an_inverted_torque_column_is_named(robot: Robot, tmp_path: Path) -> None:
-    """The joint follows while the column is 0; with the column right there is nothing to say."""
-    chirp = virtual_logs(robot, parameters(), gains=(4.0,))[0]
-    on = (chirp.time < 4.0)[:, None]
-    read_servo_logs(write_csv(chirp, tmp_path / "a.csv"), COLUMNS)
-    loose = np.where(on, chirp.q, 0.3 + 0.0 * chirp.q)
-    read_servo_logs(write_csv(changed(chirp, q=loose, enabled=on), tmp_path / "b.csv"), COLUMNS)
-    path = write_csv(changed(chirp, q=loose, enabled=~on), tmp_path / "c.csv")
-    with pytest.raises(LogMismatch, match="follows its command where the drive is off"):
-        read_servo_logs(path, COLUMNS)
+@pytest.mark.parametrize("kp", [2.0, 16.0])
+@pytest.mark.parametrize("motion", ["chirp", "steps", "hold"])
+@pytest.mark.parametrize(("first", "last"), [(2.0, 3.5), (4.0, 9.0)], ids=["off between", "off at last"])
+def test_an_inverted_torque_column_is_named(robot: Robot, motion: str, kp: float, first: float, last: float) -> None:
+    """Inverted it is refused, right it is not: also where the command goes on while the joint swings freely.
+
+    A model with another weight, its axis the same, makes no difference.
+    """
+    time, each = motions()
+    command = np.full_like(time, 1.0) if motion == "hold" else each[motion][0]
+    on = (time < first) | (time > last)
+    log = virtual_log(ServoBench(robot, preset("feetech_sts3215")), parameters(), time, command, kp, on)
+    other = with_payload(robot, Payload(0.3, (0.0, 0.0, -0.1)))
+    for known in (robot, other):
+        check_torque_state(known, log)
+        with pytest.raises(LogMismatch, match="joint1 is driven where its drive is off by the column") as caught:
+            check_torque_state(known, changed(log, enabled=~log.enabled))
+        assert "inverted: turn it over" in caught.value.step
+
+
+@pytest.mark.parametrize("is_tried", [True, False])
+def test_a_joint_that_rests_where_its_drive_is_off(robot: Robot, is_tried: bool) -> None:
+    """Under a command that moves the inverted column is named; one that stands tells nothing."""
+    time, each = motions()
+    on, chirp = time > 1.5, each["chirp"][0]
+    command = chirp if is_tried else np.where(on, chirp, 0.0)
+    log = virtual_log(ServoBench(robot, preset("feetech_sts3215")), parameters(), time, command, 4.0, on)
+    check_torque_state(robot, log)
+    with pytest.raises(LogMismatch, match="inverted") if is_tried else nullcontext():
+        check_torque_state(robot, changed(log, enabled=~log.enabled))
 
 
 def test_a_missing_command_is_named(log: ServoLog, tmp_path: Path) -> None:

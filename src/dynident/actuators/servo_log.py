@@ -224,7 +224,6 @@ def _check_meaning(log: ServoLog, q: Array) -> None:
             when = f"{abs(lag)} sample{'s' * (abs(lag) > 1)} {'later' if lag > 0 else 'before'}"
             step = "log what the controller sends (goal position, the pose of the leader arm), not what it reads back"
             raise LogMismatch(log.name, f"the command of {name} is its measurement {when}", step)
-        _check_inverted(log, joint, measured, command, on)
 
 
 def is_read_back(log: ServoLog, joint: int) -> bool:
@@ -250,22 +249,6 @@ def _copied(measured: Array, command: Array, on: BoolArray) -> int:
         if moves.sum() > _FEWEST and np.mean(np.abs(command[now] - measured[then])[moves] < 1e-9) > _COPIED:
             return lag
     return 0
-
-
-def _check_inverted(log: ServoLog, joint: int, measured: Array, command: Array, on: BoolArray) -> None:
-    """Refuse a torque-enable column that is inverted: the joint follows its command only where the drive is off."""
-    if min(on.sum(), (~on).sum()) < _FEWEST:
-        return
-
-    def follows(part: BoolArray) -> float:
-        if np.ptp(command[part]) < 0.05 or np.ptp(measured[part]) == 0:
-            return float("nan")
-        return float(np.corrcoef(command[part], measured[part])[0, 1])
-
-    with_drive, without = follows(on), follows(~on)
-    if without > 0.7 and not with_drive > 0.3:
-        evidence = f"{log.joints[joint]} follows its command where the drive is off, and not where it is on"
-        raise LogMismatch(log.name, evidence, "the column of the torque is inverted: turn it over (1 is on)")
 
 
 def kp_values(logs: Sequence[ServoLog]) -> tuple[float, ...]:

@@ -12,6 +12,7 @@ from dynident.actuators.followed_log import FollowedJoint, followed
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_files import read_servo_logs
 from dynident.actuators.servo_log import ServoLog, ServoSetup
+from dynident.actuators.torque_state import check_torque_state
 from dynident.api.case_logs import with_logs
 from dynident.api.named_logs import logs_named
 from dynident.case.case import AUTO, Case, read_case
@@ -37,7 +38,8 @@ def actuators(
             found.
         BadOption: No training log is named.
         LogFormatError: A log lacks a column, or is no sound log.
-        LogMismatch: A log that determines nothing: no command, one pose, counts, saturated throughout.
+        LogMismatch: A log that determines nothing (no command, one pose, counts, saturated throughout), or whose column
+            of the torque state is inverted.
         NotConsistent: The robot model has no inertias, or not of all links where the bodies are to be found.
         ContradictoryConstraints: No robot meets the constraints.
         SolverFailed: No start gives a finite roll-out.
@@ -143,6 +145,8 @@ def logs_of_servos(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:
             step = "give each log once, and test on logs that are not trained on"
             raise LogMismatch(str(file), f"the same content as {seen[digest]}", step)
         seen[digest] = str(file)
+    for log in (*train, *test):
+        check_torque_state(case.robot, log)
     return (train, test) if case.split is None else _split(case, train)
 
 
