@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +17,7 @@ from dynident.actuators.parameters import PLACE
 from dynident.actuators.verdict import lacks_scale
 from dynident.errors import BadOption, MissingDependency, UnknownChoice
 from dynident.exports.actuator_bodies import robot_of, set_bodies, urdf_of
+from dynident.exports.names_in_files import shown_names
 
 #: Step of an exported MuJoCo model in s.
 TIMESTEP: Final = 5e-4
@@ -225,16 +225,53 @@ def urdf_dynamics(estimate: ActuatorEstimate, kp: float) -> str:
     return str(ElementTree.tostring(root, encoding="unicode")) + "\n"
 
 
+#: Before the numbers of a C header. Torques are those on the joint; positions those that the encoder reads.
+_C_LAW: Final = """/* Actuators of position servos in SI units; friction is Coulomb and viscous.
+   A command acts delay_s after it is given. A position is what the encoder reads: the joint's angle less angle_offset.
+   Inertia of the joint: that of the bodies and armature. */
+#pragma once
+#include <math.h>
+
+typedef struct {
+    const char *joint;
+    double %s;
+} ServoActuator;
+
+/* Goal inside the drive, rad: it follows the command at the slew limit, from its last value over a step in s. */
+static inline double servo_goal(const ServoActuator *a, double last, double command, double step)
+{
+    double most = a->slew_limit * step;
+    return last + fmin(fmax(command - last, -most), most);
+}
+
+/* Torque of a drive that is on, N m: gains, force limit and back-EMF. */
+static inline double servo_torque(const ServoActuator *a, double goal, double goal_rate, double position, double rate)
+{
+    double asked = a->stiffness * (goal - position) + a->damping_gain * (goal_rate - rate);
+    double most = a->largest_torque;
+    return fmin(fmax(asked, -most), most) - (a->damping - a->viscous) * rate;
+}
+
+/* Torque of friction that opposes the motion, N m; at rest it has any value within frictionloss. */
+static inline double servo_friction(const ServoActuator *a, double rate)
+{
+    return a->viscous * rate + a->frictionloss * ((rate > 0) - (rate < 0));
+}
+
+"""
+
+
 def c_header(estimate: ActuatorEstimate, kp: float) -> str:
-    """Return a C header with one constant per parameter and joint, in SI units."""
-    lines = ["/* Actuators in SI units; friction is Coulomb and viscous. */", "#pragma once", "#include <math.h>", ""]
-    for name, one in _rows(estimate, kp).items():
-        for key, value in vars(one).items():
-            if key != "name":
-                written = f"{value:.17g}" if np.isfinite(value) else "INFINITY"
-                lines.append(f"static const double {re.sub(r'[^A-Za-z0-9_]', '_', name)}_{key} = {written};")
-        lines.append("")
-    return "\n".join(lines)
+    """Return a C header (C99) with the actuator of each joint and the drive law and friction as functions."""
+    rows = _rows(estimate, kp)
+    keys = [one.name for one in fields(SimulatorJoint) if one.name != "name"]
+    names, _ = shown_names(tuple(rows))
+    lines = [f"enum {{ SERVO_COUNT = {len(rows)} }};", "static const ServoActuator servo_actuators[SERVO_COUNT] = {"]
+    for name, one in zip(names, rows.values(), strict=True):
+        values = [float(getattr(one, key)) for key in keys]
+        written = [f"{value:.17g}" if np.isfinite(value) else "INFINITY" for value in values]
+        lines.append(f'    {{"{name}", {", ".join(written)}}},')
+    return _C_LAW % ", ".join(keys) + "\n".join([*lines, "};", ""])
 
 
 #: What writes the text of each target.
@@ -261,6 +298,11 @@ def export_remarks(estimate: ActuatorEstimate, target: str) -> list[str]:
     if ratios:
         found.append(
             f"torques, friction and armature of {', '.join(ratios)} are known as ratios: nothing gives their scale"
+        )
+    bent = [joint.name for joint in estimate.joints if joint.law.dead_zone or joint.law.punch]
+    if bent:
+        found.append(
+            f"dead zone and punch of {', '.join(bent)} are no part of it: its drives are linear to their limit"
         )
     if estimate.bodies is not None and not has_model:
         names = " or ".join(name for name, write in TARGETS.items() if write in _WITH_BODIES)
