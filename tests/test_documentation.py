@@ -33,7 +33,7 @@ import yaml
 import dynident
 from dynident.api.estimate_output import summary
 from dynident.cli.main import main
-from dynident.data.formats.base import UNITS
+from dynident.data.formats._units import UNITS
 from dynident.data.preprocessing import FILTERS
 from dynident.errors import DescriptionError, DynidentError
 from dynident.exports.models import MODEL_EXPORTERS

@@ -18,6 +18,8 @@ import numpy as np
 from benchmarks.faults.kinds import Wanted
 from benchmarks.faults.remedies import EDITS, told
 from benchmarks.faults.trials import Trial
+from dynident.arrays import Array
+from dynident.data.formats._units import QUANTITY
 from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.checks.torque_scale import against_nominal
 from dynident.diagnosis.finding import Finding
@@ -191,4 +193,11 @@ def grade(
 def _restores(finding: Finding, faulty: Trial, right: Trial) -> bool:
     """Return whether the edit that a finding asks for gives the columns of the log without the fault back."""
     edited = EDITS[finding.name](faulty, finding)
-    return all(np.allclose(values, right.columns[name]) for name, values in edited.columns.items())
+    return all(np.allclose(_in_si(edited, name), _in_si(right, name)) for name in edited.columns)
+
+
+def _in_si(trial: Trial, name: str) -> Array:
+    """Return a signal as the case of a trial reads its columns."""
+    columns, values = trial.case.columns, trial.columns[name]
+    signal = {"tau": "torque", "i": "current"}.get(name, name)
+    return columns.to_si(signal, values) if signal in QUANTITY else values

@@ -233,7 +233,7 @@ def other_arm(trial: Trial, kind: int) -> Trial:
     return replace(trial, case=replace(trial.case, robot=replace(robot, joints=tuple(joints))))
 
 
-def declared(trial: Trial, **units: str) -> Trial:
+def declared(trial: Trial, **units: str | tuple[str, ...]) -> Trial:
     columns = trial.case.columns
     return replace(trial, case=replace(trial.case, columns=replace(columns, units=replace(columns.units, **units))))
 

@@ -32,15 +32,6 @@ def told(finding: Finding, key: str) -> object:
     return yaml.safe_load(found[1])
 
 
-def negated(*names: str) -> Edit:
-    def edit(trial: Trial, finding: Finding) -> Trial:
-        for joint in places(trial, finding):
-            trial = put.turned(trial, names, joint)
-        return trial
-
-    return edit
-
-
 def exchanged(trial: Trial, finding: Finding) -> Trial:
     """Put columns into the order that the evidence tells: two exchanged, or each read as that of another joint."""
     names, moved = trial.case.robot.joint_names, places(trial, finding)
@@ -57,11 +48,19 @@ def exchanged(trial: Trial, finding: Finding) -> Trial:
     return trial.with_columns(**{name: trial.columns[name][:, order] for name in signals if name in trial.columns})
 
 
-def in_unit(key: str) -> Edit:
-    return lambda trial, finding: put.declared(trial, **{key: str(told(finding, key))})
+def in_unit(*keys: str) -> Edit:
+    """State the units that the remedy has; of several keys those that it names."""
+
+    def edit(trial: Trial, finding: Finding) -> Trial:
+        words = {key: told(finding, key) for key in keys if len(keys) == 1 or f"{key}: " in finding.remedy}
+        return put.declared(trial, **{key: tuple(w) if isinstance(w, list) else str(w) for key, w in words.items()})
+
+    return edit
 
 
 def scaled(trial: Trial, finding: Finding) -> Trial:
+    if "torque: [" in finding.remedy:
+        return in_unit("torque")(trial, finding)
     factor = finding.numbers.get("factor") or 1.0 / (1.0 + finding.numbers["value"])
     for joint in places(trial, finding) if finding.joint else range(trial.joints):
         trial = put.scaled(trial, factor - 1.0, joint)
@@ -99,8 +98,8 @@ EDITS: dict[str, Edit] = {
     "velocity unit": in_unit("velocity"),
     "velocity sign": lambda trial, finding: trial.without("dq"),
     "velocity order": exchanged,
-    "torque sign": negated("tau"),
-    "position sign": negated("q", "dq"),
+    "torque sign": in_unit("torque"),
+    "position sign": in_unit("position", "velocity"),
     "torque order": exchanged,
     "joint order": exchanged,
     "torque scale": scaled,

@@ -18,8 +18,8 @@ from dynident.case.draft.yaml_words import plain, quoted
 from dynident.case.questions import MARK, check_answered, questions_in
 from dynident.data.profiles import PROFILES
 from dynident.errors import DescriptionError
-from dynident.model.documents.strict_yaml import load_yaml
 from dynident.robot_files import read_robot
+from dynident.robot_files.strict_yaml import load_yaml
 
 UR = tuple(f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"))
 PANDA = tuple(f"panda_joint{k}" for k in range(1, 8))

@@ -11,7 +11,7 @@ import pytest
 from dynident.arrays import Array
 from dynident.case.profile_columns import profile_columns
 from dynident.data.formats import ColumnMap, read_log
-from dynident.data.formats.base import QUANTITY, UNITS
+from dynident.data.formats._units import QUANTITY, UNITS
 from dynident.data.log import Log
 from dynident.data.profiles import PROFILES, unmeasured
 from dynident.errors import BadOption, DynidentError

@@ -547,3 +547,22 @@ def test_a_second_row_of_other_words_is_no_row_of_units(tmp_path):
     path = saved(tmp_path, [header, "s,shoulder,elbow,shoulder,elbow", *rows])
     with pytest.raises(LogFormatError, match="if the row holds units, remove it and put them into the names"):
         read_log(path, ColumnMap())
+
+
+def test_a_number_before_a_unit_is_what_one_count_is(tmp_path):
+    lines = table()
+    units = Units(time="4 ms", position=("-deg", "0.01 rad"), torque=("-1e-1 percent", "- N m"))
+    log = read_log(saved(tmp_path, lines), ColumnMap(joints=("a", "b"), rated=(50, 1), units=units))
+    np.testing.assert_allclose(log.time, 0.004 * np.arange(ROWS) / 100, rtol=1e-14, atol=0)
+    np.testing.assert_allclose(log.q, COLUMNS[:, :2] * [-np.pi / 180, 0.01], rtol=1e-14)
+    np.testing.assert_allclose(log.torque, COLUMNS[:, 2:] * [-0.05, -1.0], rtol=1e-14)
+    assert "position from -deg, 0.01 rad" in log.source.steps[-1]
+
+
+@pytest.mark.parametrize(
+    ("quantity", "word"),
+    [("time", "-s"), ("time", "0 s"), ("position", "0 rad"), ("torque", "1e999 N m"), ("torque", "2")],
+)
+def test_numbers_that_no_count_has_are_refused(quantity, word):
+    with pytest.raises(UnknownChoice, match=f"no unit of {quantity} called '{word}'"):
+        Units(**{quantity: word})

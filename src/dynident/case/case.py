@@ -35,12 +35,12 @@ from dynident.files import unreadable
 from dynident.model.body_constraints import BODIES, Constraints
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
-from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, default_friction
 from dynident.model.robot import Drive, Robot
 from dynident.plugins import Family
 from dynident.robot_files import read_robot
+from dynident.robot_files.strict_yaml import load_yaml
 
 if TYPE_CHECKING:
     from dynident.actuators.servo_log import ServoSetup

@@ -16,7 +16,7 @@ from dynident.case.case_values import guarded, part_of
 from dynident.errors import BadOption
 from dynident.files import unreadable
 from dynident.model.documents.sections import Section
-from dynident.model.documents.strict_yaml import load_yaml
+from dynident.robot_files.strict_yaml import load_yaml
 from dynident.simulation import effects
 from dynident.simulation.cell import Cell
 from dynident.simulation.controllers import CONTROLLERS

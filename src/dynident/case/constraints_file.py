@@ -17,10 +17,10 @@ from dynident.errors import DescriptionError, DynidentError
 from dynident.files import unreadable
 from dynident.model.body_constraints import AXES, BodyConstraints, BoundingBox, Constraints, Ellipsoid, ValueRange
 from dynident.model.documents.sections import Section
-from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.robot import Robot
 from dynident.robot_files.mesh_files import mesh_places
 from dynident.robot_files.rotations import rotation_from_rpy
+from dynident.robot_files.strict_yaml import load_yaml
 
 KEYS = ("links", "total_mass", "fixed")
 _LINK_KEYS = ("mass", "density", "centre", "body", "symmetry", "thickness")

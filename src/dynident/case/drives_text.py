@@ -10,8 +10,8 @@ from dynident.case.case import DRIVE_KEYS, VERSIONS
 from dynident.case.questions import ASK, MARK
 from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place
-from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.robot import Robot
+from dynident.robot_files.strict_yaml import load_yaml
 
 #: Names that YAML takes for text as they are.
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")

@@ -8,7 +8,7 @@ from typing import Any
 from dynident.case.case_values import guarded, one_or_many, part_of, texts
 from dynident.case.profile_columns import SIDED, profile_columns
 from dynident.data.formats import FORMATS, ColumnMap, Units
-from dynident.data.formats.base import UNITS
+from dynident.data.formats._units import unit_of
 from dynident.data.profiles import pattern_names
 from dynident.data.profiles.base import MARKS, SIDES
 from dynident.errors import BadOption
@@ -108,7 +108,7 @@ def _check_units(units: Units, joints: Sequence[str], robot: Robot) -> None:
     kinds = {joint.name: joint.kind for joint in robot.active}
     for quantity in ("position", "velocity", "acceleration", "torque"):
         for name, word in zip(joints, units.of(quantity, len(joints)), strict=True):
-            kind = UNITS[quantity][word][1]
+            kind = unit_of(quantity, word)[1]
             if kind not in ("", kinds[name]):
                 step = f"{name} is {kinds[name]}; give a unit that fits, one per joint where they differ"
                 raise BadOption(f"units.{quantity}", word, step)

@@ -12,7 +12,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.simulated_bag import BAGS
 from dynident.data.formats import ColumnMap
-from dynident.data.formats.base import NUMBERED, QUANTITY, RATED, UNITS
+from dynident.data.formats._units import counted_unit, unit_of
+from dynident.data.formats.base import NUMBERED, QUANTITY, RATED
 from dynident.data.log import Log
 from dynident.errors import BadOption, MissingDependency
 from dynident.files import write_atomically
@@ -54,8 +55,8 @@ def case_columns(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str
         if stated or name in ("q", "dq", "torque", "current"):
             words = columns.units.of(QUANTITY[name], len(joints))
             own = _per_unit(own, QUANTITY[name], words)
-            if QUANTITY[name] == "torque" and RATED.intersection(words):
-                own = own / [r if word in RATED else 1.0 for r, word in zip(columns.rated, words, strict=True)]
+            shares = [QUANTITY[name] == "torque" and counted_unit(word)[1] in RATED for word in words]
+            own = own / np.where(shares, columns.rated, 1.0) if any(shares) else own
         found |= dict(zip(names, own.T, strict=True))
     return found
 
@@ -99,7 +100,7 @@ def _all_joints(values: Array, own: tuple[str, ...], joints: tuple[str, ...], lo
 
 def _per_unit(values: Array, quantity: str, words: tuple[str, ...]) -> Array:
     """Return SI values (N, k) in the units of their columns."""
-    factors = np.array([UNITS[quantity][word][0] for word in words])
+    factors = np.array([unit_of(quantity, word)[0] for word in words])
     return values if np.all(factors == 1.0) else values * factors[:, 1] / factors[:, 0]
 
 

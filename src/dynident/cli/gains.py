@@ -207,9 +207,9 @@ def _with_sure_friction(case: Case) -> tuple[Case, list[str]]:
 
 def _current_unit(case: Case) -> str:
     """Return the unit of the currents that a case reads, of which its gains are; A where drives differ."""
-    from dynident.data.formats.base import RATED
+    from dynident.data.formats._units import RATED, counted_unit
 
-    words = set(case.columns.units.of("current", len(case.columns.joints)))
+    words = {counted_unit(word)[1] for word in case.columns.units.of("current", len(case.columns.joints))}
     return words.pop() if len(words) == 1 and words <= RATED else "A"
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.case import Case
+from dynident.diagnosis.case_lines import with_case_line
 from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, alike_parts, pooled_logs
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.checks import CHECKS, Check, CheckedLog
@@ -293,7 +294,10 @@ def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Fin
         explained = {name for each in (before, *told.values()) for finding in each for name in finding.explains}
         names = set(checks[k].tells)
         told[k] = () if names and names <= explained else checks[k].findings(subject)
-    return [finding for k in sorted(told) for finding in told[k]]
+    found = [finding for k in sorted(told) for finding in told[k]]
+    if subject.raw.table is None:  # arrays, whose owner has no case file
+        return found
+    return [with_case_line(finding, subject.raw.columns, subject.case.robot) for finding in found]
 
 
 def ordered(found: Sequence[Finding], others: Sequence[Finding] = ()) -> tuple[Finding, ...]:

@@ -12,12 +12,12 @@ from dynident.case.case import read_case
 from dynident.case.draft.yaml_words import listed, quoted
 from dynident.case.questions import ASK
 from dynident.data.formats import open_log
-from dynident.data.formats.base import UNITS
+from dynident.data.formats._units import UNITS, counted_unit
 from dynident.data.profiles import pattern_names
 from dynident.data.profiles.base import MARKS
 from dynident.errors import BadOption, DynidentError
-from dynident.model.documents.strict_yaml import load_yaml
 from dynident.robot_files import read_robot
+from dynident.robot_files.strict_yaml import load_yaml
 from dynident.studio.orders import QUANTITIES, SIGNALS
 
 #: Keys under ``log`` that a mapping replaces.
@@ -58,7 +58,7 @@ class Mapped:
                 raise BadOption(f"units.{quantity}", "", "choose the unit: it is not guessed")
         for quantity, words in self.units.items():
             for word in (words,) if isinstance(words, str) else words:
-                if quantity not in QUANTITIES or word not in UNITS[quantity]:
+                if quantity not in QUANTITIES or counted_unit(word)[1] not in UNITS[quantity]:
                     raise BadOption(f"units.{quantity}", word, f"choose one of: {', '.join(UNITS.get(quantity, ()))}")
 
     @classmethod
@@ -175,7 +175,7 @@ def _texts_of(value: object) -> tuple[str, ...]:
 def _known_unit(value: object, quantity: str) -> str | list[str]:
     """Return one unit, or one per joint, as it stands; an empty text where it is asked for or not known."""
     words = _texts_of(value)
-    if not words or not set(words) <= set(UNITS[quantity]):
+    if not words or not {counted_unit(word)[1] for word in words} <= set(UNITS[quantity]):
         return ""
     return words[0] if isinstance(value, str) else list(words)
 

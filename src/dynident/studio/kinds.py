@@ -42,7 +42,7 @@ def kind_of(path: Path, changed: int, size: int) -> str:
 
 
 def _of_yaml(path: Path, size: int) -> str:
-    from dynident.model.documents.strict_yaml import MAX_BYTES, load_yaml
+    from dynident.robot_files.strict_yaml import MAX_BYTES, load_yaml
 
     if size > MAX_BYTES:
         return "other"

@@ -14,7 +14,7 @@ from dynident.arrays import Array, finite
 from dynident.case.case import Case
 from dynident.case.draft.column_groups import time_columns, unit_of_time
 from dynident.data.formats import ColumnMap, LogTable, open_log
-from dynident.data.formats.base import UNITS
+from dynident.data.formats._units import UNITS
 from dynident.errors import BadOption
 
 #: Columns that are looked at, and rows that are shown as numbers.

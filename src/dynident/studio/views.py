@@ -34,7 +34,7 @@ MAX_TEXT = 1_000_000
 
 def choices() -> dict[str, Any]:
     """Return the names of the parts that the page offers; the parts themselves are not imported."""
-    from dynident.data.formats.base import UNITS
+    from dynident.data.formats._units import UNITS
     from dynident.robot_files import shipped_robots
     from dynident.studio.orders import QUANTITIES, SIGNALS
 

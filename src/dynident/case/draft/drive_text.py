@@ -7,7 +7,7 @@ import numpy as np
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.yaml_words import asked, offered, plain, quoted
-from dynident.data.formats.base import RATED
+from dynident.data.formats._units import RATED
 from dynident.model.robot import Joint, Robot
 
 #: Share that the robot model has to explain before a rough gain is worth saying.

@@ -40,7 +40,7 @@ from dynident.case.evidence.torques import torque_evidence
 from dynident.case.evidence.velocities import is_near, velocity_pair
 from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import SUM, TimedTable
-from dynident.data.formats.base import RATED, UNITS
+from dynident.data.formats._units import RATED, UNITS
 from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn, turns_counted
 from dynident.model.robot import Robot

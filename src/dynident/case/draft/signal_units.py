@@ -11,7 +11,7 @@ from dynident.arrays import Array
 from dynident.case.evidence.positions import STILL, is_plausible
 from dynident.case.evidence.rows import time_units
 from dynident.case.evidence.torques import agrees
-from dynident.data.formats.base import UNITS
+from dynident.data.formats._units import UNITS
 from dynident.model.robot import Joint
 
 #: How the evidence begins where the name of a column has its unit.

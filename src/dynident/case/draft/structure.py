@@ -23,7 +23,7 @@ from dynident.case.draft.signal_units import position_factors, position_unit
 from dynident.case.evidence.positions import STRAYS
 from dynident.case.evidence.rows import time_units
 from dynident.case.evidence.torques import filtered_rows
-from dynident.data.formats.base import UNITS
+from dynident.data.formats._units import UNITS
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION

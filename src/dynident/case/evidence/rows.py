@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.data.formats.base import UNITS
+from dynident.data.formats._units import UNITS
 
 #: Median steps in s between which robots are recorded: 50 kHz to 2 Hz. Beyond them the unit of the time is wrong.
 POSSIBLE_STEPS = (2e-5, 0.5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -45,6 +46,9 @@ UNITS: dict[str, dict[str, tuple[tuple[float, float], str]]] = {
     "temperature": {"degC": (ONE, "")},
 }
 
+#: A unit behind the number of it that one count of a column is: ``-deg`` counts backwards.
+_COUNT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|-|) ?(.*)", re.DOTALL)
+
 #: The quantity of each signal, by the field of the log.
 QUANTITY = {
     "q": "position",
@@ -59,11 +63,31 @@ QUANTITY = {
 }
 
 
+def counted_unit(word: str) -> tuple[float, str]:
+    """Return the number before a unit and the unit: -1 and ``deg`` of ``-deg``, 1 where there is none."""
+    number, unit = _COUNT.fullmatch(word).groups()  # type: ignore[union-attr]
+    return float({"": 1.0, "-": -1.0}.get(number, number)), unit
+
+
+def unit_of(quantity: str, word: str) -> tuple[tuple[float, float], str]:
+    """Return (numerator, denominator) to SI of a counted unit, and the kind of joint it belongs to.
+
+    Raises:
+        UnknownChoice: There is no such unit, or its number is 0, or of a time not above 0.
+    """
+    count, unit = counted_unit(word)
+    if unit not in UNITS[quantity] or not (0 < count < math.inf or (-math.inf < count < 0 and quantity != "time")):
+        raise UnknownChoice(f"unit of {quantity}", word, list(UNITS[quantity]))
+    (numerator, denominator), kind = UNITS[quantity][unit]
+    return (count * numerator, denominator), kind
+
+
 @dataclass(frozen=True)
 class Units:
     """Units of the columns: one word for all joints or one per joint; nothing is ever converted on a guess.
 
-    The word ``"SI"`` stands for rad or m (and what follows from it), as the joint moves.
+    The word ``"SI"`` stands for rad or m (and what follows from it), as the joint moves. A number before a unit is how
+    many of it one count is: ``-N m`` turns the sign, ``0.01 deg`` and ``6 deg/s`` (a turn a minute) are counts.
 
     Attributes:
         time: s, ms, us or ns.
@@ -91,8 +115,7 @@ class Units:
                 words = tuple(words)
                 object.__setattr__(self, f.name, words)
             for word in (words,) if isinstance(words, str) else words:
-                if word not in UNITS[f.name]:
-                    raise UnknownChoice(f"unit of {f.name}", str(word), list(UNITS[f.name]))
+                unit_of(f.name, str(word))
         if not isinstance(self.time, str):
             raise BadOption("units.time", self.time, "give one unit")
 
@@ -112,6 +135,6 @@ class Units:
 
 def converted(values: Array, quantity: str, words: Sequence[str]) -> Array:
     """Return values, shape (N, k), of a quantity in SI units, from one unit per column."""
-    factors = np.array([UNITS[quantity][word][0] for word in words])
+    factors = np.array([unit_of(quantity, word)[0] for word in words])
     # Multiplied and divided: 3 ms is then exactly the double nearest to 0.003 s.
     return values if np.all(factors == 1.0) else values * factors[:, 0] / factors[:, 1]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._units import ONE, QUANTITY, RATED, UNITS, Units, converted
+from dynident.data.formats._units import ONE, QUANTITY, RATED, Units, converted, counted_unit, unit_of
 from dynident.data.log import Log
 from dynident.data.profiles import unmeasured
 from dynident.data.turns import turns_counted
@@ -166,11 +166,8 @@ class ColumnMap:
         """Return the values (N, n) of a signal in SI units."""
         words = self.units.of(QUANTITY[signal], values.shape[1])
         found = converted(values, QUANTITY[signal], words)
-        if QUANTITY[signal] != "torque" or not RATED.intersection(words):
-            return found
-        return found * np.array(
-            [rated if word in RATED else 1.0 for rated, word in zip(self.rated, words, strict=True)]
-        )
+        shares = [QUANTITY[signal] == "torque" and counted_unit(word)[1] in RATED for word in words]
+        return found * np.where(shares, self.rated, 1.0) if any(shares) else found
 
     def counted(self, signal: str, values: Array, before: Array | None = None) -> Array:
         """Return positions in SI units, shape (N, n), with the turns of the wrapped joints counted on.
@@ -196,7 +193,7 @@ class ColumnMap:
         texts = [] if self.units.time == "s" else [f"time from {self.units.time}"]
         for quantity in dict.fromkeys(QUANTITY[signal] for signal in self.stated()):
             words = dict.fromkeys(self.units.of(quantity, len(self.joints)))
-            changed = [word for word in words if UNITS[quantity][word][0] != ONE]
+            changed = [word for word in words if unit_of(quantity, word)[0] != ONE]
             if changed:
                 texts.append(f"{quantity} from {', '.join(changed)}")
         if self.wrapped:
@@ -219,7 +216,7 @@ class ColumnMap:
             if numbers and (len(numbers) != count or not np.all(np.isfinite(numbers))):
                 raise BadOption(name, list(numbers), f"give one number for each of the {count} joints")
         words = (self.units.torque,) if isinstance(self.units.torque, str) else self.units.torque
-        if RATED.intersection(words) and not (self.rated and min(self.rated) > 0):
+        if RATED.intersection(counted_unit(word)[1] for word in words) and not (self.rated and min(self.rated) > 0):
             step = "state the rated torque of each joint in N m (log: {units: {torque: percent}, rated: [...]})"
             raise BadOption("units.torque", words[0], step)
 
@@ -254,7 +251,7 @@ class ColumnMap:
             kinds: dict[str, str] = {}
             for quantity in dict.fromkeys(QUANTITY[signal] for signal in self.stated()):
                 word = self.units.of(quantity, len(self.joints))[joint]
-                kinds.setdefault(UNITS[quantity][word][1] or "any", f"{quantity} in {word}")
+                kinds.setdefault(unit_of(quantity, word)[1] or "any", f"{quantity} in {word}")
             if "revolute" in kinds and "prismatic" in kinds:
                 step = f"joint '{name}' cannot both turn and slide; give one unit per joint"
                 raise BadOption("units", f"{kinds['revolute']}, {kinds['prismatic']}", step)

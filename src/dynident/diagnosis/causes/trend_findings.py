@@ -191,7 +191,8 @@ def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     if not blame.cause.joint:
         digits = "+.0f" if abs(value) >= 10.0 else "+.2g"
         evidence = f"torques of all joints are {value:{digits}} +- {deviation:.1g} % off those of its bodies"
-    return evidence, "check gain and gear ratio (drives: {JOINT: {gain: ...}}), or the masses of the robot model"
+    key = "log: units: {torque: ...}" if fit.effort == "torque" else "drives: {JOINT: {gain: ...}}"
+    return evidence, f"check gain and gear ratio ({key}), or the masses of the robot model"
 
 
 def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.case.evidence.rows import POSSIBLE_STEPS, is_step, time_units
-from dynident.data.formats._units import UNITS
+from dynident.data.formats._units import UNITS, unit_of
 from dynident.data.preprocessing import gap_remedy, longest_step
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
@@ -66,7 +66,8 @@ def _is_slow(subject: CheckedLog, middle: float) -> bool:
 def _other_units(subject: CheckedLog, middle: float) -> list[str]:
     """Return units of the time under which the step is usual, else possible, that of the likeliest speed first."""
     unit = subject.raw.columns.units.time
-    plain = middle * UNITS["time"][unit][0][1]
+    (one, per), _ = unit_of("time", unit)
+    plain = middle * per / one
     found = [word for word in time_units(plain) or time_units(plain, POSSIBLE_STEPS) if word != unit]
     doubts = [
         max(PLAUSIBLE[0] / share, share / PLAUSIBLE[1], 1.0) if share > 0 else 1.0
@@ -77,13 +78,14 @@ def _other_units(subject: CheckedLog, middle: float) -> list[str]:
 
 def _speed_shares(subject: CheckedLog, units: Sequence[str]) -> list[float]:
     """Return the largest speed over its limit under other units of the time."""
-    (one, per), share = UNITS["time"][subject.raw.columns.units.time][0], _speed_share(subject)
+    (one, per), share = unit_of("time", subject.raw.columns.units.time)[0], _speed_share(subject)
     return [share * (one * each) / (per * other) for other, each in (UNITS["time"][word][0] for word in units)]
 
 
 def _unit(subject: CheckedLog, middle: float) -> Finding:
     unit = subject.raw.columns.units.time
-    plain = middle * UNITS["time"][unit][0][1]
+    (one, per), _ = unit_of("time", unit)
+    plain = middle * per / one
     usual = _other_units(subject, middle)
     counter = "of a counter state the sampling rate instead (log: columns: {time: 200 Hz})"
     remedy = f"check the column; {counter}"

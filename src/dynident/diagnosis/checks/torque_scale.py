@@ -50,10 +50,7 @@ def _one_joint(subject: CheckedLog, found: Sequence[JointScale]) -> list[Finding
     if found[1:]:
         others = " or ".join(f"{rival.joint}'s by {_interval(rival)}" for rival in found[1:])
         evidence += f"; multiplying {others} explains the log about as well: not separable"
-    remedy = (
-        "check gear ratio, gain and unit (drives: {JOINT: {gain: ...}}; log: units: {torque: [...]}), and the "
-        "kinematic coupling of the drives (coupling)"
-    )
+    remedy = "check gear ratio, gain and unit, and the kinematic coupling of the drives (coupling)"
     numbers = {"factor": best.factor, "low": best.low, "high": best.high, "gain": best.gain}
     sure = best is subject.sure_scale
     severity: Severity = "error" if sure else "warning"

@@ -9,11 +9,11 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.model.documents.sections import LIMITS, Section, read_coupling, read_drive, read_limits
-from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.inertia import Inertia
 from dynident.model.robot import STANDARD_GRAVITY, Frame, Joint, Link, Robot
 from dynident.robot_files.formats.base import Description
 from dynident.robot_files.rotations import rotation_from_rpy
+from dynident.robot_files.strict_yaml import load_yaml
 
 _ROBOT: Final = ("name", "convention", "gravity", "joints", "tool", "coupling", "note")
 _JOINT: Final = (

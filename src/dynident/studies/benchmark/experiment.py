@@ -19,9 +19,9 @@ from dynident.file_versions import FileVersions
 from dynident.files import unreadable
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
-from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, default_friction
+from dynident.robot_files.strict_yaml import load_yaml
 from dynident.simulation.truth import true_parameters
 from dynident.studies.benchmark.entrants import Entrant, entrants_of
 

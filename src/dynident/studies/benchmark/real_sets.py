@@ -22,7 +22,7 @@ from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimators import ESTIMATORS
 from dynident.identification.files.estimate_file import plain
 from dynident.model.documents.sections import Section
-from dynident.model.documents.strict_yaml import load_yaml
+from dynident.robot_files.strict_yaml import load_yaml
 from dynident.studies.benchmark.runner import failed
 from dynident.studies.comparison.compare import contest_of
 from dynident.studies.comparison.contest import Contest, Method

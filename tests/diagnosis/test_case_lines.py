@@ -1,0 +1,86 @@
+"""The line of the case file that a finding about a sign or scale names: it is valid, and obeying it mends the log."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+from benchmarks.faults import injections as put
+from benchmarks.faults.trials import Trial, virtual
+
+from dynident.case.case import Case, read_case
+from dynident.data.formats import ColumnMap, Units
+from dynident.diagnosis.case_lines import with_case_line
+from dynident.diagnosis.finding import Finding, Severity
+from dynident.model.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def trial(case: Case) -> Trial:
+    return virtual(case, rate=50.0)
+
+
+def told_units(finding: Finding) -> dict[str, list[str]]:
+    """Return the units that a remedy states, as YAML reads them."""
+    found = re.search(r"log: units: (\{.*?\})", finding.remedy)
+    assert found, finding.remedy
+    return yaml.safe_load(found[1])
+
+
+@pytest.mark.parametrize(("names", "joint"), [(("tau",), 0), (("tau",), 2), (("q", "dq"), 1)])
+def test_a_sign_is_mended_by_the_line_that_is_named(
+    trial: Trial, names: tuple[str, ...], joint: int, tmp_path: Path
+) -> None:
+    faulty = put.turned(trial, names, joint)
+    errors = [one for one in faulty.examined(tmp_path).findings if one.severity == "error"]
+    units = told_units(errors[0])
+    assert set(units) == ({"torque"} if names == ("tau",) else {"position", "velocity"})
+    assert all(word.startswith("-") == (k == joint) for words in units.values() for k, word in enumerate(words))
+    mended = put.declared(faulty, **{key: tuple(words) for key, words in units.items()})
+    assert not [one for one in mended.examined(tmp_path).findings if one.severity != "note"]
+
+
+def test_a_scale_is_mended_by_the_line_that_is_named(tmp_path: Path) -> None:
+    trial = virtual(read_case("er16"))
+    faulty = put.scaled(trial, 1.5, 2)
+    (error,) = [one for one in faulty.examined(tmp_path).findings if one.severity == "error"]
+    words = told_units(error)["torque"]
+    assert [word for k, word in enumerate(words) if k != 2] == ["N m"] * 5
+    assert float(words[2].split()[0]) == pytest.approx(0.4, rel=0.05)
+    mended = put.declared(faulty, torque=tuple(words)).examined(tmp_path)
+    assert not [one for one in mended.findings if one.severity != "note"]
+
+
+def finding(name: str, joint: str, severity: Severity = "error", **numbers: float) -> Finding:
+    return Finding(severity, name, joint, "evidence", "check the column", numbers)
+
+
+def test_the_units_of_the_case_are_counted_anew(planar_2r: Robot) -> None:
+    names = planar_2r.joint_names
+    columns = ColumnMap(
+        joints=names, q=("a", "b"), torque=("c", "d"), rated=(10.0, 20.0), units=Units(torque=("percent", "-permille"))
+    )
+    assert "torque: [percent, permille]" in with_case_line(finding("torque sign", names[1]), columns, planar_2r).remedy
+    scaled = with_case_line(finding("torque scale", names[0], factor=0.5), columns, planar_2r).remedy
+    assert "check the column; " in scaled and "torque: [0.5 percent, -permille]" in scaled
+    one_turned = with_case_line(finding("position sign", names[1]), columns, planar_2r).remedy
+    assert "position: [rad, -rad]" in one_turned and "velocity" not in one_turned  # no velocities are read
+
+
+def test_currents_have_their_gains_turned_and_doubts_have_no_line(planar_2r: Robot) -> None:
+    names = planar_2r.joint_names
+    columns = ColumnMap(joints=names, q=("a", "b"), torque=(), current=("c", "d"))
+    one = finding("torque sign", names[0])
+    assert with_case_line(one, columns, planar_2r) is one  # no gain to turn is stated
+    drives = tuple(replace(joint, drive=replace(joint.drive, gain=11.1)) for joint in planar_2r.joints)
+    robot = replace(planar_2r, joints=drives)
+    assert f"drives: {{{names[0]}: {{gain: -11.1}}}}" in with_case_line(one, columns, robot).remedy
+    for doubt in (
+        finding("torque scale", names[0], "warning", factor=0.5),
+        finding("torque scale", ", ".join(names), factor=0.5),
+        finding("spikes", names[0]),
+    ):
+        assert with_case_line(doubt, columns, robot) is doubt
