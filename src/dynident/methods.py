@@ -65,7 +65,10 @@ class EstimateMethods:
         return _of(self).model.mass_matrix(q, _theta(self))
 
     def gravity(self, q: Any) -> Any:
-        """Return the identified gravity torque at positions q, shape (n,) or (N, n), in N m or N."""
+        """Return the identified gravity torque at positions q, shape (n,) or (N, n), in N m or N.
+
+        It is that of the bodies, as in exported models; offsets of the friction (``F0``) are not in it.
+        """
         return _of(self).model.gravity(q, _theta(self))
 
     def plot_torques(self, validation: Any = None, joints: Any = None) -> Any:
@@ -210,5 +213,4 @@ def _of(value: object) -> Any:
 
 
 def _theta(estimate: object) -> Any:
-    own = _of(estimate)
-    return own.base.to_standard(own.beta)
+    return verb("applications.compensation", "parameters_of")(estimate)

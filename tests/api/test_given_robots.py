@@ -245,6 +245,27 @@ def test_an_estimate_as_a_model_of_pinocchio(estimate: di.Estimate) -> None:
     np.testing.assert_allclose(again.mass_matrix(q), estimate.mass_matrix(q), rtol=0.0, atol=1e-9)
 
 
+def test_the_weight_of_a_vertical_slide_is_that_of_its_bodies(
+    scara: di.Robot, exact_log: Callable[..., di.Log]
+) -> None:
+    """Its log tells the weight and the offset together, and the mass and the rotor; no rotor is taken for a weight."""
+    pin = pytest.importorskip("pinocchio")
+    limits = di.JointLimits(-3.0, 3.0)
+    scara = replace(scara, joints=tuple(replace(joint, limits=limits) for joint in scara.joints))
+    model = di.DynamicModel(scara, ["viscous", "coulomb", "offset", "rotor_inertia"])
+    assert scara.nominal is not None
+    friction = np.array([[3.0, 2.0, 0.5, 5.0]] * 4)
+    friction[2] = [40.0, 20.0, 6.0, 3.0]
+    theta = np.append(scara.nominal, friction.ravel())
+    estimate = di.identify(model, exact_log(model, theta, noise=0.01, samples=800, rate=200.0))
+    assert estimate.theta is not None
+    assert not np.allclose(estimate.theta, estimate.base.to_standard(estimate.beta))
+    found, q = di.pinocchio_model(estimate), np.array([0.4, -0.7, 0.1, 0.2])
+    weight = pin.computeGeneralizedGravity(found, found.createData(), q)
+    np.testing.assert_allclose(estimate.gravity(q), weight, rtol=0.0, atol=1e-9)
+    assert weight[2] == pytest.approx(1.6 * 9.81, rel=0.3)
+
+
 def test_an_estimate_as_a_spec_of_mujoco(estimate: di.Estimate) -> None:
     pytest.importorskip("mujoco")
     spec = di.mujoco_spec(estimate)

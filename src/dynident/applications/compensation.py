@@ -20,8 +20,13 @@ from dynident.model.kernels import batched
 
 
 def parameters_of(estimate: Estimate) -> Array:
-    """Return standard parameters with the torques of an estimate, shape (p,); in general of no possible body."""
-    return estimate.base.to_standard(estimate.beta)
+    """Return standard parameters with the torques of an estimate, shape (p,).
+
+    They are its bodies, where it has some: torques of weight and inertia alone are then those of exported models. Else
+    they are in general of no possible body, and what only shows together (a rotor and the weight of a vertical slide)
+    stands in one of the parameters.
+    """
+    return estimate.base.to_standard(estimate.beta) if estimate.theta is None else np.asarray(estimate.theta)
 
 
 def feed_forward(
