@@ -21,14 +21,14 @@ from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.matrix import joint_of, naming
 from benchmarks.faults.trials import Trial, subject_of, virtual
 
-from dynident.case.case import Case
+from dynident.case.case import Case, read_case
 from dynident.case.evidence.rows import out_of_order, sortable
 from dynident.data.formats import ColumnMap
 from dynident.data.log import smallest_step
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.cause_search import Blame, Cause
 from dynident.diagnosis.causes.held_out import halves
-from dynident.diagnosis.causes.known_bodies import NominalBodies
+from dynident.diagnosis.causes.known_bodies import AgainstBodies, NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
 from dynident.diagnosis.checks import CHECKS, readings
@@ -518,6 +518,36 @@ def test_bodies_that_the_torques_do_not_tell_leave_no_freedom() -> None:
     prior = np.array([1.0, 0.25, 0.1])
     assert known.freedom(prior, prior) == 1.0  # the log adds nothing
     assert known.freedom(prior, 1e-9 * prior) == pytest.approx(3.0)
+
+
+def test_errors_of_known_bodies_have_the_unit_of_the_torques(trial: Trial, tmp_path: Path) -> None:
+    """A log times a factor is one with torques of another scale: all else is as likely as before."""
+    surprises, factors = [], []
+    for times in (1.0, 1.5):
+        faulty = trial.with_columns(tau=times * trial.columns["tau"])
+        subject = subject_of(faulty, tmp_path)
+        earlier = virtual(trial.case, 1, RATE).estimate(tmp_path)
+        known = replace(subject, earlier=earlier).known
+        assert subject.trends is not None and known is not None
+        off = replace(known, values=known.values + 0.05 * np.abs(known.values))  # bodies that the log contradicts
+        search = AgainstBodies(subject.trends, off).search
+        (scale,) = [k for k, one in enumerate(search.causes) if (one.name, one.joint) == ("torque scale", "")]
+        solved = search.fit([scale])
+        surprises.append(solved.surprise)
+        factors.append(1.0 + solved.beta[-1])
+    assert factors[1] == pytest.approx(1.5 * factors[0], rel=1e-3)
+    assert surprises[1] == pytest.approx(surprises[0], rel=0.02)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_joints_of_a_wrist_that_friction_hides_are_told_apart(swapped: bool, tmp_path: Path) -> None:
+    arm = virtual(read_case("generic-6r"), rate=RATE)
+    tau, order = arm.columns["tau"], [0, 1, 2, 4, 3, 5] if swapped else list(range(6))
+    friction = 3.0 * tau.std(axis=0) * np.tanh(arm.columns["dq"] / 0.02)  # all are explained to a tenth
+    arm = arm.with_columns(tau=tau + friction * np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]))
+    arm = arm.with_columns(**{name: arm.columns[name][:, order] for name in ("q", "dq", "tau")})
+    told = [(one.name, one.joint) for one in arm.examined(tmp_path).findings if one.severity != "note"]
+    assert told == [("joint order", "wrist_1, wrist_2")] * swapped
 
 
 def test_a_position_of_the_wrong_sign_is_no_other_robot(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
-from itertools import chain, combinations
+from itertools import chain, combinations, pairwise
 
 import numpy as np
 
@@ -124,9 +124,10 @@ def _explained(fit: QuickFit, variances: Array, mixing: Array, joints: Sequence[
 def position_readings(fit: QuickFit, wrong: BoolArray, feeds: BoolArray) -> Iterator[Interpretation]:
     """Yield the signs, orders and units of the positions under which a log agrees far better.
 
-    Pairs of positions are exchanged at ``wrong`` joints, shape (n,), and beside them, and all positions are read in
-    another order or unit where half of the joints are wrong; a position of another sign may upset other joints alone,
-    and mends friction that drives a joint, ``feeds`` (n,), as a torque of another sign does.
+    Pairs of positions are exchanged at ``wrong`` joints, shape (n,), and beside them, or those of neighbours where none
+    is wrong, and all positions are read in another order or unit where half of the joints are wrong; a position of
+    another sign may upset other joints alone, and mends friction that drives a joint, ``feeds`` (n,), as a torque of
+    another sign does.
     """
     near = wrong | np.append(wrong[1:], False) | np.append(False, wrong[:-1])
     most = wrong.sum() >= len(wrong) / 2
@@ -138,7 +139,7 @@ def position_readings(fit: QuickFit, wrong: BoolArray, feeds: BoolArray) -> Iter
         remedy = "negate the column of its position, or the axis"
         least = FED if feeds[i] else GAIN + 1.0
         yield from _read(fit, _reduced(fit, turned), "position sign", (name,), remedy, least=least)
-    pairs = combinations(np.flatnonzero(near).tolist(), 2)
+    pairs = list(combinations(np.flatnonzero(near).tolist(), 2)) or list(pairwise(range(len(names))))
     orders = [_turned(tuple(range(len(names))), pair) for pair in pairs]
     for order in dict.fromkeys(chain(orders, _whole_orders(len(names)) if most else ())):
         moved = tuple(name for i, name in enumerate(names) if order[i] != i)

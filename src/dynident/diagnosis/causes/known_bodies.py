@@ -46,8 +46,8 @@ FIRST, LEAST, LARGEST, SEARCHED, SETTLED, SHORTEST = 0.1, 1e-5, 1e3, 30, 1e-2, 0
 #: Share of a step to the straight lines of a load about new values that is gone, as they turn.
 HALF = 0.5
 
-#: Causes that have no meaning against bodies: friction may be another one.
-LEFT_OUT = ("friction curve",)
+#: Causes that have no meaning against bodies: friction may be another one. Name and joint of the scale of all torques.
+LEFT_OUT, OF_ALL = ("friction curve",), ("torque scale", "")
 
 
 @dataclass(frozen=True)
@@ -257,24 +257,24 @@ class Anchored(CauseSearch):
             chosen: Causes that are fitted, by their numbers.
             load: Where a load at the flange begins, if it is the last of them.
         """
-        products, slot = self.products(chosen), self._load(chosen)
+        products, slot, scale = self.products(chosen), self._load(chosen), self._scale(chosen)
         known, held = self._known, self._known.places
         counts, squares, floors = self.rows.counts, self.columns.squares, self.floors
         start = (self.columns.whole / counts + floors, np.full(2, FIRST), load)
         is_load = bool(chosen) and self.causes[chosen[-1]].hidden > 0  # which the bodies have taken in before: afresh
         variances, shares, load = start if is_load else self._found.get(tuple(chosen[:-1]), start)
-        beta = off = weights = prior = sizes = left = np.zeros(0)
+        off = weights = prior = sizes = left = np.zeros(0)
         scaled = inverse = turn = np.zeros((0, 0))
-        own, free = 1.0, np.setdiff1d(np.arange(len(products[1][0])), held)
-        last, slope = np.zeros((2, 2)), np.ones(2)
+        own, beta = 1.0, np.zeros(len(products[1][0]))
+        free, last, slope = np.setdiff1d(np.arange(len(beta)), held), np.zeros((2, 2)), np.ones(2)
         for _ in range(SEARCHED if slot is not None or isinstance(known, NominalBodies) else PASSES):
-            before = np.concatenate([variances, shares])
-            grams, sides = products
+            before, (grams, sides) = np.concatenate([variances, shares]), products
             if slot is not None:
                 turn, own = carried(load), own_inertia(load) ** 2
                 grams, sides = grams.copy(), sides.copy()
                 _turn(grams, sides, slot, turn)
-            weights, prior = 1.0 / (variances * self._factors), known.variances(shares)
+            times = max(abs(1.0 + float(beta[scale].sum())), LEAST)  # bodies in other units, and their errors with them
+            weights, prior = 1.0 / (variances * self._factors), known.variances(shares) * times**2
             gram = (weights @ grams.reshape(len(grams), -1)).reshape(grams.shape[1:])
             side = weights @ sides
             gram[held, held] += 1.0 / prior
@@ -306,7 +306,7 @@ class Anchored(CauseSearch):
         if slot is not None:
             surprise += float(beta[slot[TOLD:]] @ beta[slot[TOLD:]]) / own
             beta[slot] = turn @ beta[slot]
-        told = self._slot(chosen, -1)[: self._told(chosen)]
+        told = self._slot(chosen, -1)[: self.causes[chosen[-1]].told if chosen else 0]
         share = _share_of_bodies(information, np.diag(inverse) / sizes**2, free, told)
         score, freedom = float(np.sum(np.log(variances))), known.freedom(prior, left) / share**2
         return Solved(beta, variances, score, information, surprise, freedom), (variances, shares, load)
@@ -317,13 +317,15 @@ class Anchored(CauseSearch):
         end = self.size + sum(lengths[: which % len(chosen) + 1]) if chosen else 0
         return np.arange(end - lengths[which], end) if chosen else np.zeros(0, np.int64)
 
-    def _told(self, chosen: Sequence[int]) -> int:
-        return self.causes[chosen[-1]].told if chosen else 0
-
     def _load(self, chosen: Sequence[int]) -> IntArray | None:
         """Return where the load at the flange stands in the fit; None where it is not chosen."""
         found = [which for which, k in enumerate(chosen) if self.causes[k].hidden]
         return self._slot(chosen, found[0]) if found else None
+
+    def _scale(self, chosen: Sequence[int]) -> IntArray:
+        """Return where the scale of all torques stands in the fit, nowhere where it is not chosen."""
+        found = [which for which, k in enumerate(chosen) if (self.causes[k].name, self.causes[k].joint) == OF_ALL]
+        return self._slot(chosen, found[0]) if found else np.zeros(0, np.int64)
 
     def worths(self, fits: Sequence[Sequence[int]]) -> list[tuple[Array, float]]:
         return [(self.rows.counts / self._factors, 1.0)] * len(fits)
@@ -371,7 +373,7 @@ class AgainstBodies:
         found = CauseRows(rows.blocks, rows.columns, fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
         causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
         load = Cause("load at the flange", "", load_columns(fit), hidden=TEN - TOLD)
-        causes += [load, Cause("torque scale", "", self.bodies[None])]
+        causes += [load, Cause(*OF_ALL, self.bodies[None])]
         return Anchored(found, causes, self._known, fit.counts / fit.independent_rows)
 
     @cached_property

@@ -56,6 +56,11 @@ class RobotMisfit:
         return self.left > LEFT and self.gain > max(GAIN, SURE * self.spread) and self.kept < MOST**2
 
     @property
+    def is_structured(self) -> bool:
+        """Whether parameters of each joint's own predict unseen samples better, however little is left."""
+        return self.gain > self.spread
+
+    @property
     def is_suspected(self) -> bool:
         """Whether so much is left that they may be; where all is, the parts of the log do not tell one another."""
         return SUSPECTED < self.left < 1.0

@@ -66,7 +66,7 @@ class Readings(Check):
         feeds = feeding(share, z)
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [_all_signs(subject, share, z, fit)]
-        found = _confirmed(fit, feeds, POOR)
+        found = _confirmed(fit, _candidates(fit, feeds), everywhere=False)
         scale = subject.sure_scale
         if found and scale and scale.gain > found[0][1].gain:
             found = []  # one torque of another unit upsets the others: that check tells it
@@ -77,19 +77,37 @@ class Readings(Check):
         else:
             trends = subject.trends
             misfit = robot_misfit(fit) if trends is None else robot_misfit(trends.fit, known=trends.blames)
-            if misfit.is_sure or misfit.is_suspected:  # positions of a joint that other columns explain in part
-                found = _confirmed(fit, feeds, POOR_OF_ANOTHER)
-                misfit = robot_misfit(fit, found[0][1].reading) if found else misfit
-        if misfit.is_sure or misfit.is_suspected:
-            several = _scaled(fit)
-            left = robot_misfit(fit, several[0][1].reading) if several else misfit
-            if not (left.is_sure or left.is_suspected):
-                found, misfit = several, left
+        known = found[0][1].gain if found else scale.gain if scale else 0.0
+        found, misfit = _otherwise(fit, feeds, known, (found, misfit))
         if misfit.is_sure or ((found or scale) and misfit.is_suspected):
             return [_another_robot(misfit, fit, "error")]
         if found:
             return [_reading_finding(found)]
         return [_another_robot(misfit, fit, "warning")] if misfit.is_suspected else []
+
+
+def _otherwise(
+    fit: QuickFit, feeds: BoolArray, known: float, plain: tuple[list[tuple[float, Interpretation]], RobotMisfit]
+) -> tuple[list[tuple[float, Interpretation]], RobotMisfit]:
+    """Return a reading of positions that other columns explain in part, or of several torques, and what it leaves.
+
+    Args:
+        fit: The log.
+        feeds: Which joints friction drives, shape (n,).
+        known: Gain of the score by what was found so far.
+        plain: What was found and what it leaves, which stay where neither explains the log better.
+    """
+    found, misfit = plain
+    if misfit.is_structured or misfit.is_suspected:
+        others = _confirmed(fit, _of_positions(fit, feeds, everywhere=True), everywhere=True)
+        if others and others[0][1].gain > known:
+            found, misfit = others, robot_misfit(fit, others[0][1].reading)
+    if misfit.is_sure or misfit.is_suspected:
+        several = _scaled(fit)
+        left = robot_misfit(fit, several[0][1].reading) if several else misfit
+        if not (left.is_sure or left.is_suspected):
+            found, misfit = several, left
+    return found, misfit
 
 
 def _reading_finding(found: Sequence[tuple[float, Interpretation]]) -> Finding:
@@ -164,10 +182,12 @@ def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[f
     return [(gains[k], proposed[k]) for k in [best, *rivals[:RIVALS]]] if gains[best] > 0 else []
 
 
-def _confirmed(fit: QuickFit, feeds: BoolArray, poor: float) -> list[tuple[float, Interpretation]]:
+def _confirmed(
+    fit: QuickFit, candidates: Iterable[Interpretation], everywhere: bool
+) -> list[tuple[float, Interpretation]]:
     """Return the best candidate and its rivals if what is found on half of the log holds on the other, else none."""
-    found = _ranked(fit, _candidates(fit, feeds, poor))
-    return found if found and predicts_unseen(fit, partial(_best_reading, poor=poor)) else []
+    found = _ranked(fit, candidates)
+    return found if found and predicts_unseen(fit, partial(_best_reading, everywhere=everywhere)) else []
 
 
 def _scaled(fit: QuickFit) -> list[tuple[float, Interpretation]]:
@@ -182,9 +202,9 @@ def _scaled(fit: QuickFit) -> list[tuple[float, Interpretation]]:
     return found if found and predicts_unseen(fit, reading_of_half) else []
 
 
-def _best_reading(learned: QuickFit, poor: float) -> ReadRows | None:
+def _best_reading(learned: QuickFit, everywhere: bool) -> ReadRows | None:
     """Return what is best on the samples of a fit alone."""
-    found = list(_candidates(learned, feeding(*learned.friction_power(learned.plain)), poor))
+    found = list(_candidates(learned, feeding(*learned.friction_power(learned.plain)), everywhere))
     return max(found, key=lambda each: each.gain).reading if found else None
 
 
@@ -197,7 +217,7 @@ def _all_signs(subject: CheckedLog, share: Array, z: Array, fit: QuickFit) -> Fi
     )
 
 
-def _candidates(fit: QuickFit, feeds: BoolArray, poor: float) -> Iterator[Interpretation]:
+def _candidates(fit: QuickFit, feeds: BoolArray, everywhere: bool = False) -> Iterator[Interpretation]:
     names = fit.model.robot.joint_names
     signs = _torque_signs(fit, feeds)
     if signs.any():
@@ -214,8 +234,13 @@ def _candidates(fit: QuickFit, feeds: BoolArray, poor: float) -> Iterator[Interp
     yield from _mountings(fit)
     if not signs.any():
         yield from _couplings(fit)
-    wrong = (fit.relative > poor) | feeds
-    if wrong.any():
+    yield from _of_positions(fit, feeds, everywhere)
+
+
+def _of_positions(fit: QuickFit, feeds: BoolArray, everywhere: bool) -> Iterator[Interpretation]:
+    """Yield other readings of the positions of joints that are not explained, or ``everywhere``."""
+    wrong = (fit.relative > (POOR_OF_ANOTHER if everywhere else POOR)) | feeds
+    if wrong.any() or everywhere:
         yield from position_readings(fit, wrong, feeds)
 
 
