@@ -32,6 +32,7 @@ from dynident.diagnosis.causes.known_bodies import AgainstBodies, NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
 from dynident.diagnosis.checks import CHECKS, readings
+from dynident.diagnosis.checks.cells import held_at
 from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
 from dynident.diagnosis.examination import examine, examine_recordings
@@ -518,6 +519,30 @@ def test_bodies_that_the_torques_do_not_tell_leave_no_freedom() -> None:
     prior = np.array([1.0, 0.25, 0.1])
     assert known.freedom(prior, prior) == 1.0  # the log adds nothing
     assert known.freedom(prior, 1e-9 * prior) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(("samples", "places"), [(8, 10), (20, 2)])
+def test_positions_that_are_held_and_catch_up_are_told(trial: Trial, samples: int, places: int, tmp_path: Path) -> None:
+    q = trial.columns["q"].copy()
+    for begin in np.linspace(100, 1800, places, dtype=int):
+        q[begin : begin + samples, 1] = q[begin, 1]
+    found = [one for one in trial.with_columns(q=q).examined(tmp_path).findings if one.name == "positions held"]
+    assert [(one.severity, one.joint) for one in found] == [("warning", trial.case.robot.joint_names[1])]
+    assert abs(found[0].numbers["places"] - places) <= 2  # a joint that hardly moves there is none
+
+
+def test_positions_of_another_rate_a_coarse_encoder_and_a_stop_are_not_held(trial: Trial) -> None:
+    t, q = trial.columns["t"], trial.columns["q"][:, 1]
+    stop = np.interp(t, [t[0], t[600], t[700], t[-1]], [0.0, 1.0, 1.0, 2.5])
+    lost = np.delete(np.arange(len(t)), slice(500, 520))
+    for time, column in (
+        (t, np.repeat(q[::10], 10)[: len(t)]),
+        (t, np.round(q / 0.02) * 0.02),
+        (t, np.round(q + 3e-4 * np.random.default_rng(0).normal(size=len(t)), 3)),
+        (t, stop),
+        (t[lost], q[lost]),
+    ):
+        assert not len(held_at(time, column)[0])
 
 
 def test_errors_of_known_bodies_have_the_unit_of_the_torques(trial: Trial, tmp_path: Path) -> None:

@@ -8,10 +8,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from dynident.arrays import Array, IntArray
 from dynident.case.evidence.positions import STILL, travel
-from dynident.data.log import Log
+from dynident.data.log import Log, smallest_step
+from dynident.diagnosis.causes.quick_fit import CUTOFF_HZ
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import Finding, listed
+from dynident.diagnosis.checks.resolution import ROUNDING
+from dynident.diagnosis.finding import Finding, Severity, listed
 from dynident.diagnosis.repair import MOST_LOST, broken_rows
 
 #: Share of rows at which a signal jumps to zero from which that is told of arms of one or two joints: there a zero of
@@ -23,6 +26,10 @@ AWAY = 0.2
 
 #: A value that leaves the line through its neighbours by this many robust deviations is a spike.
 SPIKE = 25.0
+
+#: Times as long as usual that a position stays the same, and as far as usual that it goes then, in median changes of so
+#: many to either side; speeds, of the motion around, that the two make; time steps beyond which a gap is the reason.
+LONGER, AROUND, CAUGHT_UP, GAP = 4.0, 5, (0.5, 2.0), 2.0
 
 #: Size of a joint's signal, as a share of the largest joint's, below which it is the last digit of a joint at rest.
 LAST_DIGIT = 0.01
@@ -39,7 +46,7 @@ class Cells(Check):
         if broken_rows(subject.sound.log).any():  # too many to leave out: nothing else can be said
             return missing
         flips = _flips(subject)
-        return [*missing, *flips, *([] if flips else _spikes(subject))]
+        return [*missing, *flips, *([] if flips else [*_spikes(subject), *_held(subject)])]
 
 
 def _not_finite(subject: CheckedLog) -> list[Finding]:
@@ -108,3 +115,65 @@ def _spikes(subject: CheckedLog) -> list[Finding]:
             numbers = {"values": int(spikes.sum())}
             found.append(Finding("warning", "spikes", listed(joints), evidence, remedy, numbers))
     return found
+
+
+def _held(subject: CheckedLog) -> list[Finding]:
+    """Positions that messages are missing of: the last one is repeated while the joint moves on, and then it jumps."""
+    log = subject.sound.log
+    cutoff = subject.case.preprocessing.filter.bandwidth() or CUTOFF_HZ
+    lag = max(1, round(1.0 / (2.0 * cutoff * float(np.median(np.diff(log.time)))))) if len(log.time) > 1 else 1
+    places, shares = [held_at(log.time, column) for column in log.q.T], np.zeros(log.q.shape[1])
+    for i, (begins, ends) in enumerate(places):
+        if len(begins) and len(log.time) > 3 * lag:
+            moving = np.ones(len(log.time), bool)
+            for begin, end in zip(begins, ends, strict=True):
+                moving[begin + 1 : end] = False
+            smooth = np.interp(log.time, log.time[moving], log.q[moving, i])
+            wrong, right = (_bend(each, lag) for each in (log.q[:, i] - smooth, smooth))
+            shares[i] = wrong / max(right, 1e-300)
+    if not shares.any():
+        return []
+    joints = [name for name, share in zip(log.joints, shares, strict=True) if share]
+    times = sum(len(begins) for begins, _ in places)
+    longest = max(int((ends - begins).max()) for begins, ends in places if len(begins))
+    row = subject.sound.place(int(min(begins[0] for begins, _ in places if len(begins))))
+    evidence = (
+        f"a position repeats one value for up to {longest} samples while the joint moves, and then catches up, "
+        f"{'once, from' if times == 1 else f'{times} times, first from'} {row}; that makes {shares.max():.2g} of the "
+        f"acceleration below {cutoff:g} Hz"
+    )
+    remedy = "leave these rows out, and look for messages that are lost between the encoder and the log"
+    severity: Severity = "warning" if shares.max() > ROUNDING else "note"
+    numbers = {"places": times, "share": float(shares.max())}
+    return [Finding(severity, "positions held", listed(joints), evidence, remedy, numbers)]
+
+
+def _bend(column: Array, lag: int) -> float:
+    """Return the root mean square of the second difference of a signal (N,), averaged over ``lag`` rows."""
+    sums = np.cumsum(np.concatenate([[0.0], column - column.mean()]))
+    means = (sums[lag:] - sums[:-lag]) / lag
+    return float(np.sqrt(np.mean((means[2 * lag :] - 2.0 * means[lag:-lag] + means[: -2 * lag]) ** 2)))
+
+
+def held_at(time: Array, column: Array) -> tuple[IntArray, IntArray]:
+    """Return the rows in which held positions begin, and those in which they have caught up, shape (K,) each.
+
+    A value stays for several times as many rows as those around it, and the next step is as many times as far: a joint
+    that comes to rest, and one whose encoder is coarse, go on with a usual step.
+
+    Args:
+        time: Time of the rows in s, shape (N,).
+        column: Positions of a joint, shape (N,).
+    """
+    rows = 1 + np.flatnonzero(np.diff(column))
+    if len(rows) < 2 * AROUND + 2:
+        return np.zeros(0, int), np.zeros(0, int)
+    waited, moved = np.diff(rows), np.abs(column[rows[1:]] - column[rows[1:] - 1])
+    near = np.arange(len(waited))[:, None] + np.r_[-AROUND:0, 1 : AROUND + 1]
+    near = np.clip(near, 0, len(waited) - 1)
+    longer, farther = (each / np.median(each[near], axis=1) for each in (waited, moved))
+    is_held = (longer >= LONGER) & (farther >= LONGER) & (moved >= LONGER * smallest_step(column))
+    is_held &= (CAUGHT_UP[0] * longer <= farther) & (farther <= CAUGHT_UP[1] * longer)
+    steps = np.diff(time)
+    is_held &= steps[rows[1:] - 1] <= GAP * np.median(steps)
+    return rows[:-1][is_held], rows[1:][is_held]
