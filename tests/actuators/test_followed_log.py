@@ -15,10 +15,13 @@ from dynident.actuators.drive_law import DriveLaw, preset
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator, write_actuators
 from dynident.actuators.followed_log import followed, friction_of
 from dynident.actuators.parameters import PLACE
+from dynident.actuators.verdict import Known
 from dynident.cli.main import main
 from dynident.files import sha256_of
 from dynident.model.robot import Robot
 from dynident.results.actuator_report import actuator_page
+from dynident.results.actuator_text import joint_warnings
+from dynident.results.figures.signals import line_chart
 
 CASE = """case: 2
 robot: pendulum.urdf
@@ -94,6 +97,30 @@ def test_the_report_has_the_actuator_of_the_robot_model_beside_the_identified_on
     assert "damping, back-EMF with it 0.260 0.500" in text and "robot model, back-EMF with it" in text
     plain = actuator_page(found, followed(found, robot, logs))
     assert "back-EMF with it" not in plain and page.count("robot model") > plain.count("robot model") + 3
+
+
+def test_the_friction_curve_ends_at_the_speed_of_the_logs(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    found, logs = estimate(preset("feetech_sts3215")), virtual_logs(robot, parameters(), gains=(4.0,))
+    drawn: dict[str, float] = {}
+
+    def chart(title: str, curves: list[tuple[str, np.ndarray, np.ndarray]], across: str, up: str) -> object:
+        drawn[title] = float(curves[0][1][-1])
+        return line_chart(title, curves, across, up)
+
+    monkeypatch.setattr("dynident.results.actuator_report.line_chart", chart)
+    runs = followed(found, robot, logs)
+    actuator_page(found, runs)
+    fastest = max(float(np.max(np.abs(np.gradient(run.predicted, run.time)))) for run in runs)
+    assert 0.8 * fastest < drawn["Friction at even speed"] <= 1.01 * fastest
+
+
+def test_a_weak_friction_beside_free_swings_asks_for_more_of_them() -> None:
+    (joint,) = estimate(preset("feetech_sts3215")).joints
+    weak, swings = (Known(name, 0.1, 0.05, "weak", "") for name in ("viscous", "back_emf"))
+    alone = joint_warnings(replace(joint, known=(weak,)))
+    beside = joint_warnings(replace(joint, known=(weak, swings)))
+    assert ["switch the torque off" in text for text in alone] == [True]
+    assert ["more free swings" in text for text in beside] == [True, True]
 
 
 def test_the_report_has_every_log_and_the_friction(folder: Path) -> None:

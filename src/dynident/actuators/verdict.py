@@ -325,6 +325,9 @@ def _partner(names: Sequence[str], matrix: Array, k: int, free: Sequence[int], l
     return names[others[best]] if strength[best] >= least else ""
 
 
+#: What separates viscous friction from back-EMF better, where the logs have free swings.
+MORE_SWINGS = "more free swings with the torque off, from higher up, and so faster ones"
+
 #: What separates parameters that the logs do not separate.
 EXPERIMENTS = {
     "gain_ratio": "command steps large enough that the torque saturates, or state error_gain and kp of the drive",

@@ -26,8 +26,8 @@ from dynident.results.report.builder import ReportPart, build_page
 from dynident.results.report.sections.base import drawn
 from dynident.results.text import MISSING, Column, Table, counted, format_number, pretty_unit
 
-#: Speeds of the friction curve, in rad/s at most, and points of a curve.
-FASTEST, POINTS = 10.0, 200
+#: Speeds of the friction curve end at this quantile of those of the roll-outs; in rad/s where none moves. Points of it.
+FASTEST, STANDING, POINTS = 0.999, 1.0, 200
 
 #: Points of a roll-out at most: more are not seen.
 MOST = 1500
@@ -114,7 +114,9 @@ def _bodies(bodies: FreeBodies) -> dict[str, object]:
 
 
 def _joint(joint: JointActuator, runs: Sequence[FollowedJoint]) -> dict[str, object]:
-    speed = np.linspace(0.0, FASTEST, POINTS)
+    rates = [np.abs(np.diff(run.predicted) / np.diff(run.time)) for run in runs if np.isfinite(run.predicted).all()]
+    fastest = float(np.quantile(np.concatenate(rates), FASTEST)) if rates else 0.0
+    speed = np.linspace(0.0, fastest or STANDING, POINTS)
     load = float(np.sqrt(np.mean([run.load**2 for run in runs]))) if runs else 0.0
     lines = [("no load", speed, friction_of(joint, speed, 0.0))]
     if joint.friction not in ("m1", "m2") and load > 0:

@@ -10,7 +10,7 @@ from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
 from dynident.actuators.poor_fit import MISSED
-from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, SCALE, lacks_scale, unit_of
+from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, MORE_SWINGS, SCALE, lacks_scale, unit_of
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
 
 
@@ -145,11 +145,13 @@ def joint_warnings(joint: JointActuator) -> list[str]:
     if scaleless:
         names = ", ".join(one.name.replace("_", " ") for one in joint.known if one.label in _UNSCALED)
         found.append(f"{names}: {SCALE}")
+    swings = any(one.name == "back_emf" for one in joint.known)  # found only where the logs have some
     for one in joint.known:
         if scaleless and one.label in _UNSCALED:
             continue
         if one.label in ("weak", "not separable") and one.name in EXPERIMENTS and not joint.combinations:
-            found.append(f"{one.name.replace('_', ' ')} is {one.label}: {EXPERIMENTS[one.name]}")
+            step = MORE_SWINGS if swings and one.name in ("viscous", "back_emf") else EXPERIMENTS[one.name]
+            found.append(f"{one.name.replace('_', ' ')} is {one.label}: {step}")
     bound = [one.name.replace("_", " ") for one in joint.known if one.label == "at its bound" and one.value != 0.0]
     real = [name for name in bound if not _is_none(name, joint.value(name.replace(" ", "_")))]
     for name, cause in _NEVER_ZERO.items():
