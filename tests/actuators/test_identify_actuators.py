@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.servo_arms import arm_log, drawn_arm
 from servo_bench import TRUE, parameters, virtual_logs
 
-from dynident.actuators.drive_law import PRESETS, STATES, preset
+from dynident.actuators.drive_law import PRESETS, STATES, DriveLaw, preset
 from dynident.actuators.estimate import JointActuator, read_actuators, write_actuators
 from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.identify import identify_actuators
@@ -24,6 +25,7 @@ from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
 from dynident.actuators.verdict import Known
 from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.errors import EstimateFormatError, LogMismatch, NotConsistent, UnknownChoice
+from dynident.exports.actuator_files import simulator_joint
 from dynident.model.robot import Robot
 from dynident.results.actuator_text import joint_warnings, parameter_table
 from dynident.robot_files import read_robot
@@ -31,9 +33,9 @@ from dynident.robot_files import read_robot
 COLUMNS = ServoColumns(("joint1",))
 
 
-def joint_of(robot: Robot, logs: list[ServoLog]) -> tuple[JointData, JointFit]:
-    """Return the pendulum in some logs and its first fit."""
-    law = preset("feetech_sts3215")
+def joint_of(robot: Robot, logs: list[ServoLog], law: DriveLaw | None = None) -> tuple[JointData, JointFit]:
+    """Return the first joint in some logs and its first fit, of an STS3215 where no law is given."""
+    law = law or preset("feetech_sts3215")
     motions, loads = [measured_motion(log) for log in logs], [measured_loads(robot, log)[0] for log in logs]
     parts = list(zip(logs, loads, motions, strict=True))
     records = tuple(record_of(log, 0, load, law) for log, load, _ in parts)
@@ -222,6 +224,39 @@ def test_an_unknown_gain_without_saturation_is_not_separable(robot: Robot, tmp_p
     assert "saturates" in known["stiffness"].words
     assert known["damping"].value == pytest.approx(TRUE["viscous"] + TRUE["back_emf"], rel=0.05)
     assert "torque off" in known["damping"].words
+
+
+@pytest.mark.parametrize("scale", [1.0, 100.0], ids=["kp of 2 and 6", "kp of 200 and 600"])
+@pytest.mark.parametrize("saturates", [True, False])
+def test_a_gain_in_any_unit_is_found_by_saturation(robot: Robot, scale: float, saturates: bool) -> None:
+    """Nothing is known of the drive but kp: duty per rad, and torque at a duty that its limit counts as 1."""
+    gains = (2.0, 6.0) if saturates else (1.0, 1.5)
+    logs = [replace(log, kp=scale * log.kp) for log in virtual_logs(robot, parameters(), gains=gains)]
+    joint = identify_actuators(robot, ServoSetup((preset("position_servo"),), COLUMNS, "m1"), logs).joints[0]
+    known = {one.name: one for one in joint.known}
+    assert joint.mean_error(joint.train) < 5e-4
+    if saturates:
+        assert known["full_torque"].value == pytest.approx(0.97 * TRUE["full_torque"], rel=2e-3)
+        assert known["gain_ratio"].value == pytest.approx(0.166 / 0.97 / scale, rel=2e-3)
+    else:
+        assert known["full_torque"].label == "not separable" and "gain_ratio" not in known
+        assert joint.combinations[0].value == pytest.approx(2.4 * 0.166 / scale, rel=5e-3)
+        assert [row[3] for row in parameter_table(joint).rows][-1] == "N\N{MIDDLE DOT}m/rad per unit of kp"
+    assert simulator_joint(joint, 4.0 * scale).stiffness == pytest.approx(2.4 * 0.166 * 4.0, rel=5e-3)
+
+
+def test_a_linear_start_that_is_far_off_is_no_saturation(tmp_path: Path) -> None:
+    """Joint 1 of an arm at 30 Hz: the start with a limited duty is nearer, the output error is not."""
+    random = np.random.default_rng([11, 3, 12])
+    arm = drawn_arm(random, 3, preset("feetech_sts3215"), tmp_path)
+    time = np.arange(0.0, 6.0, 1.0 / 30.0)
+    beats = 0.2 + 0.05 * np.arange(3) + 0.04 * time[:, None]
+    commands = [size * np.sin(2 * np.pi * beats * time[:, None]) for size in (0.4, 0.24)]
+    always = np.ones(len(time), dtype=bool)
+    logs = [replace(arm_log(arm, time, command, 4.0, always), kp=1.0) for command in commands]
+    _, fit = joint_of(arm.robot, logs, preset("position_servo").without_gain)
+    assert fit.ratio == 1.0 and "gain_ratio" not in fit.free
+    assert fit.parameters[PLACE["full_torque"]] == pytest.approx(4 * 0.166 * arm.true[0, 1], rel=0.02)
 
 
 def test_friction_of_a_joint_of_an_arm_is_compared_from_the_fit_that_knows_its_loads(robot: Robot) -> None:

@@ -160,11 +160,13 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
     """Return the answer for one joint, with what is known of each parameter."""
     known = known_parameters(fit.problem(data), fit.parameters, spread)
     parameters, simple, linear = fit.parameters.copy(), fit.simple.copy(), fit.linear.copy()
-    if fit.ratio != 1.0:  # the ratio of the scan is part of the gain that is reported
+    law, ratio = data.law, fit.ratio
+    if law.gain_is_free:  # reported as duty per rad of error and unit of kp
+        law, ratio = replace(law, error_gain=1.0), ratio * law.error_gain
         for values in (parameters, simple, linear):
-            values[PLACE["gain_ratio"]] *= fit.ratio
-        known = tuple(one.scaled(fit.ratio) if one.name == "gain_ratio" else one for one in known)
-    law, remarks = data.law, _remarks(data, kp, fit.parameters)
+            values[PLACE["gain_ratio"]] *= ratio
+        known = tuple(one.scaled(ratio) if one.name == "gain_ratio" else one for one in known)
+    remarks = _remarks(data, kp, fit.parameters)
     inertia = float(np.mean([np.mean(one.loads[:, 0]) for one in data.train]))
     known = as_ratios(known, spread, inertia)
     if law.full_torque is not None and lacks_scale({one.name: one.label for one in known}) and not law.gain_is_free:
@@ -179,7 +181,7 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
     test = [started(one, fit.parameters, FIRST) for one in data.test]
     return JointActuator(
         name=data.name,
-        law=data.law,
+        law=law,
         kp=kp,
         friction=fit.friction,
         parameters=parameters,

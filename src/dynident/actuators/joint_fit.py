@@ -28,7 +28,16 @@ from dynident.actuators.output_error import (
     starts_from,
 )
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
-from dynident.actuators.rollout import ROUGH_STEP, SEARCH, SEARCH_STEP, JointRecord, encoder_step, rolled_out, started
+from dynident.actuators.rollout import (
+    ROUGH_STEP,
+    SEARCH,
+    SEARCH_STEP,
+    JointRecord,
+    encoder_step,
+    mean_errors,
+    rolled_out,
+    started,
+)
 from dynident.actuators.servo_log import AUTO
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
@@ -163,9 +172,19 @@ def first_fit(data: JointData, friction: str, effort: RefineEffort, progress: Ca
     """
     progress(f"{data.name}: linear start")
     ratio = _gain(data)
+    fit, error = _fit_at(data, ratio, friction, effort)
+    if ratio == 1.0:
+        return fit
+    plain, without = _fit_at(data, 1.0, friction, effort)  # a linear start that is far off may look saturated
+    return fit if error < (1.0 - SEPARATES) * without else plain
+
+
+def _fit_at(data: JointData, ratio: float, friction: str, effort: RefineEffort) -> tuple[JointFit, float]:
+    """Return the fit with m1 at a multiple of the gain of the law, and the mean error of its roll-outs in rad."""
     data = at_ratio(data, ratio)
     scanned = linear_start(data.rows, data.train, data.law, FRICTION_MODELS["m3" if friction == AUTO else friction])
-    return _refined(data, "m1", scanned, ratio, effort)
+    fit = _refined(data, "m1", scanned, ratio, effort)
+    return fit, float(mean_errors(data.train, fit.parameters).mean())
 
 
 def richer_fit(

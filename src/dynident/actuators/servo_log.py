@@ -262,9 +262,24 @@ def is_outside(kp: float, gains: Sequence[float]) -> bool:
 
 
 def laws_of(setup: ServoSetup, logs: Sequence[ServoLog]) -> tuple[DriveLaw, ...]:
-    """Return the drive laws of a case, without gain where no log states one."""
+    """Return the drive laws of a case, without gain where no log states one.
+
+    A gain that is not known is small enough that no sample is at the limit of the duty: the search for saturation goes
+    on from there.
+    """
     is_known = any(np.isfinite(log.kp) for log in logs)
-    return setup.laws if is_known else tuple(law.without_gain for law in setup.laws)
+    laws = setup.laws if is_known else tuple(law.without_gain for law in setup.laws)
+    return tuple(_below_limit(law, joint, logs) if law.gain_is_free else law for joint, law in enumerate(laws))
+
+
+def _below_limit(law: DriveLaw, joint: int, logs: Sequence[ServoLog]) -> DriveLaw:
+    """Return a law whose gain is not known with one by which no sample of a joint is beyond the limit of the duty."""
+    largest = 0.0
+    for log in logs:
+        used = log.enabled[:, joint] & ~log.failed[:, joint]
+        error = float(np.max(np.abs(log.q_ref - log.q)[used, joint], initial=0.0))
+        largest = max(largest, error * (log.kp if np.isfinite(log.kp) else 1.0))
+    return replace(law, error_gain=law.limit / largest) if law.error_gain * largest > law.limit else law
 
 
 def check_gains(logs: Sequence[ServoLog], kp: float | None) -> list[ServoLog]:

@@ -31,7 +31,8 @@ def parameter_table(joint: JointActuator) -> Table:
         half, is_known = one.half_width, bool(np.isfinite(one.half_width))
         value = format_value(one.value, half)[0] if is_known else format_number(one.value, 4)
         width = format_number(half, 2) if is_known else MISSING
-        rows.append((one.name, value, width, *ratio, pretty_unit(one.unit), "known together"))
+        unit, per, gain = one.unit.partition(" per ")
+        rows.append((one.name, value, width, *ratio, f"{pretty_unit(unit)}{per}{gain}", "known together"))
     columns = (
         Column("parameter"),
         Column("value", numeric=True),
