@@ -42,7 +42,7 @@ from dynident.diagnosis.repair import repair, wraps
 from dynident.model.friction import FRICTION, default_friction
 from dynident.model.friction.warm_up import WarmUp
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Robot
+from dynident.model.robot import Drive, JointLimits, Robot
 from dynident.robot_files import read_robot
 
 #: Half the samples a second of the benchmark.
@@ -367,6 +367,21 @@ def test_degrees_explain_what_follows_from_them(trial: Trial, tmp_path: Path) ->
     assert [finding.name for finding in found.findings] == ["positions in degrees"]
     assert "units: {position: " in found.findings[0].remedy
     assert found.left_out
+
+
+def test_slides_in_millimetres_have_their_units_stated(scara: Robot, tmp_path: Path) -> None:
+    limits = JointLimits(-0.3, 0.4)
+    joints = tuple(replace(one, limits=limits) if one.kind == "prismatic" else one for one in scara.joints)
+    friction = tuple(FRICTION.make(name) for name in default_friction())
+    case = Case(replace(scara, joints=joints), friction, ColumnMap(joints=scara.joint_names), default_preprocessing())
+    trial = virtual(case, rate=RATE)
+    q, names = trial.columns["q"].copy(), case.robot.joint_names
+    q[:, 2] = 0.15 + 0.1 * (q[:, 2] - q[:, 2].mean()) / np.ptp(q[:, 2])
+    assert not [one for one in trial.with_columns(q=q).examined(tmp_path).findings if "millimetres" in one.name]
+    q[:, 2] *= 1e3
+    (error,) = [one for one in trial.with_columns(q=q).examined(tmp_path).findings if one.severity == "error"]
+    assert (error.name, error.joint) == ("positions in millimetres", names[2])
+    assert "(log: units: {position: [rad, rad, mm, rad]})" in error.remedy
 
 
 def test_the_line_of_a_fault_is_that_of_the_file(trial: Trial, tmp_path: Path) -> None:

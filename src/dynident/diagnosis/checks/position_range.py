@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from dynident.case.evidence.positions import LARGEST_TURN, STILL, is_plausible, is_within, travel
+from dynident.case.evidence.positions import LARGEST_SLIDE, LARGEST_TURN, STILL, is_plausible, is_within, travel
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed
 from dynident.identification.problem.problem import rest_speeds
+from dynident.model.robot import Joint
 
 #: Degrees of travel below which a log is of an arm at rest, in whatever unit.
 MOVES = 0.2
@@ -54,35 +55,56 @@ def _radians(subject: CheckedLog) -> list[Finding]:
 
 def _limits(subject: CheckedLog) -> list[Finding]:
     robot, q = subject.case.robot, subject.sound.log.q
-    degrees, names, beyond, far = [], [], [], 0.0
+    degrees, millimetres, names, beyond, far = [], [], [], [], 0.0
     for joint, column in zip(robot.active, q.T, strict=True):
         low, high = float(column.min()), float(column.max())
         lower, upper = joint.limits.lower, joint.limits.upper
         away = max(lower - high, low - upper, lower - low, high - upper)
-        largest = max(abs(low), abs(high))
-        widest = max(abs(lower), abs(upper))
-        turned = is_within(joint, float(np.deg2rad(low)), float(np.deg2rad(high)))
-        usual = 3 * max(widest, 1.0) if np.isfinite(widest) else LARGEST_TURN
-        if joint.kind == "revolute" and turned and largest > usual:
-            degrees.append(joint.name)
+        turns = joint.kind == "revolute"
+        one = np.pi / 180.0 if turns else 1e-3
+        if is_within(joint, one * low, one * high) and max(abs(low), abs(high)) > _usual(joint):
+            (degrees if turns else millimetres).append(joint.name)
         if not is_within(joint, low, high):
             names.append(joint.name)
             beyond.append(f"{joint.name} {low:.4g} to {high:.4g} (limits {lower:.4g} to {upper:.4g})")
             far = max(far, away)
+    units = {name: "mm" for name in millimetres}
     if degrees and not _counts_turns(subject):
-        largest = float(np.abs(q).max())
-        evidence = (
-            f"positions up to {largest:.4g} rad exceed the limits of a few rad; read as degrees they keep the limits"
-        )
-        remedy = "state the unit in the case file (log: units: {position: deg})"
-        explains = ("joint limits", "velocity mismatch", "velocity unit")
-        return [
-            Finding("error", "positions in degrees", listed(degrees), evidence, remedy, {"largest": largest}, explains)
-        ]
-    if not beyond:
-        return []
+        units |= dict.fromkeys(degrees, "deg")
+    found = [_in_unit(subject, word, units) for word in dict.fromkeys(units.values())]
+    if found or not beyond:
+        return found
     remedy = "check unit, zero, sign and order of the joints (log: units, columns)"
     return [Finding("warning", "joint limits", listed(names), "; ".join(beyond), remedy, {"beyond": far})]
+
+
+def _usual(joint: Joint) -> float:
+    """Return how far from zero positions of a joint in rad or m usually are at most."""
+    widest = max(abs(joint.limits.lower), abs(joint.limits.upper))
+    if np.isfinite(widest):
+        return 3 * max(widest, 1.0)
+    return LARGEST_TURN if joint.kind == "revolute" else LARGEST_SLIDE
+
+
+def _in_unit(subject: CheckedLog, word: str, units: Mapping[str, str]) -> Finding:
+    """Return that positions of the joints with one of the units are in it, and the line that states all of them."""
+    robot, own = subject.case.robot, {"revolute": "rad", "prismatic": "m"}
+    places = [k for k, joint in enumerate(robot.active) if units.get(joint.name) == word]
+    largest = float(np.abs(subject.sound.log.q[:, places]).max())
+    evidence = (
+        f"positions up to {largest:.4g} rad exceed the limits of a few rad; read as degrees they keep the limits"
+        if word == "deg"
+        else f"positions up to {largest:.4g} m exceed the limits; read as millimetres they keep them"
+    )
+    columns, kinds = subject.raw.columns, {joint.name: own[joint.kind] for joint in robot.active}
+    stated = zip(columns.joints, columns.units.of("position", len(columns.joints)), strict=True)
+    words = [units.get(each, kinds.get(each, unit) if unit == "SI" else unit) for each, unit in stated]
+    text = word if set(words) <= {word} else f"[{', '.join(words)}]"
+    name = "positions in degrees" if word == "deg" else "positions in millimetres"
+    joints = listed([robot.active[k].name for k in places])
+    explains = ("joint limits", "velocity mismatch", "velocity unit")
+    remedy = f"state the unit in the case file (log: units: {{position: {text}}})"
+    return Finding("error", name, joints, evidence, remedy, {"largest": largest}, explains)
 
 
 def _counts_turns(subject: CheckedLog) -> bool:
