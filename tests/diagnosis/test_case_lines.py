@@ -13,8 +13,10 @@ from benchmarks.faults.trials import Trial, virtual
 
 from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap, Units
+from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.case_lines import with_case_line
 from dynident.diagnosis.finding import Finding, Severity
+from dynident.model.friction import FRICTION, default_friction
 from dynident.model.robot import Robot
 
 
@@ -52,6 +54,27 @@ def test_a_scale_is_mended_by_the_line_that_is_named(tmp_path: Path) -> None:
     assert float(words[2].split()[0]) == pytest.approx(0.4, rel=0.05)
     mended = put.declared(faulty, torque=tuple(words)).examined(tmp_path)
     assert not [one for one in mended.findings if one.severity != "note"]
+
+
+def test_a_vertical_slide_that_counts_the_other_way_is_told(scara: Robot, tmp_path: Path) -> None:
+    """An offset takes its weight in, so that fits are as good; weight that is balanced, or lighter, is no fault."""
+    friction = tuple(FRICTION.make(name) for name in default_friction())
+    case = Case(scara, friction, ColumnMap(joints=scara.joint_names), default_preprocessing())
+    right = virtual(case, rate=50.0)
+    assert not [one for one in right.examined(tmp_path).findings if one.severity == "error"]
+    weight = float(right.columns["tau"][:, 2].mean())
+    assert weight == pytest.approx(1.6 * 9.81, rel=0.3)
+    for share in (0.6, 1.3):  # a counterweight
+        tau = right.columns["tau"].copy()
+        tau[:, 2] -= share * weight
+        assert not [one for one in right.with_columns(tau=tau).examined(tmp_path).findings if one.severity == "error"]
+    faulty = put.turned(right, ("q", "dq", "tau"), 2)
+    (error,) = [one for one in faulty.examined(tmp_path).findings if one.severity == "error"]
+    assert (error.name, error.joint) == ("axis sign", scara.joint_names[2])
+    units = told_units(error)
+    assert units["torque"] == ["N m", "N m", "-N", "N m"] and units["position"] == ["rad", "rad", "-m", "rad"]
+    mended = put.declared(faulty, **{key: tuple(words) for key, words in units.items()})
+    assert not [one for one in mended.examined(tmp_path).findings if one.severity != "note"]
 
 
 def finding(name: str, joint: str, severity: Severity = "error", **numbers: float) -> Finding:

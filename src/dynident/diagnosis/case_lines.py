@@ -33,6 +33,12 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot) -> Findin
     if finding.name == "position sign":
         lines = [_units(signal, columns, robot, factors) for signal in ("q", "dq", "ddq") if getattr(columns, signal)]
         return replace(finding, remedy=f"turn its sign, log: units: {{{', '.join(lines)}}}, or the axis")
+    if finding.name == "axis sign":
+        lines = [_units(signal, columns, robot, factors) for signal in ("q", "dq", "ddq") if getattr(columns, signal)]
+        lines += [_units("torque", columns, robot, factors)] if columns.torque else []
+        gains = "" if columns.torque else _gains(robot, factors)
+        line = f"log: units: {{{', '.join(lines)}}}" + f"; drives: {{{gains}}}" * bool(gains)
+        return replace(finding, remedy=f"{finding.remedy}; the signs turned: {line}")
     if columns.torque and not (robot.is_coupled and "torque" in columns.motor):
         line = f"log: units: {{{_units('torque', columns, robot, factors)}}}"
     elif gains := _gains(robot, factors):
@@ -47,7 +53,7 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot) -> Findin
 def _factors(finding: Finding) -> dict[str, float]:
     """Return what the columns of joints are to be multiplied by; nothing where the finding does not tell."""
     names = finding.joint.split(", ") if finding.joint else []
-    if finding.name in ("torque sign", "position sign"):
+    if finding.name in ("torque sign", "position sign", "axis sign"):
         return dict.fromkeys(names, -1.0)
     if finding.name == "torque scale" and finding.severity == "error" and len(names) == 1:
         return {names[0]: finding.numbers["factor"]} if "factor" in finding.numbers else {}

@@ -17,10 +17,15 @@ from dynident.diagnosis.causes.torque_scales import JointScale, mixing_of, other
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 from dynident.identification.problem.regressor_stream import motion_of
+from dynident.model.friction import Motion
 
 #: Factor against the masses of the robot model, and correlation with their torque, beyond which the unit is wrong for
 #: certain: no robot model is off by as much.
 FAR_OFF, SURE = 20.0, 0.9
+
+#: Deviation of a weight over its mean below which it is constant, share of it that is held the other way for sure, and
+#: speed in m/s over which the sign of friction is smoothed.
+CONSTANT, HELD, SLOW = 0.05, 0.5, 0.002
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,7 @@ class TorqueScale(Check):
             *_one_joint(subject, found),
             *_open_scales(fit, subject.scales),
             *_all_joints(fit, found, subject.known),
+            *_lifted(fit),
         ]
 
 
@@ -103,6 +109,41 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies |
         remedy = f"mounted upside down? state it (gravity: [{gravity}] in the frame of the base)"
         return [Finding("error", "mounting", "", evidence, remedy, {"correlation": alike}, CONSEQUENCES)]
     return _other_unit(ratio, alike, "the robot model")
+
+
+def _lifted(fit: QuickFit) -> list[Finding]:
+    """Return slides that carry a constant weight by the robot model, and hold it the other way by the log.
+
+    An offset of the friction takes such a weight in, so that no fit shows it.
+    """
+    theta = fit.model.nominal()
+    if theta is None:
+        return []
+    bodies = np.array(theta)
+    bodies[fit.model.inertial_count :] = 0.0
+    motion = motion_of(fit.rows.prepared.kept)
+    none = np.zeros_like(motion.q)
+    weight = fit.model.torque(Motion(motion.q, none, none), bodies)
+    moved = fit.model.torque(motion, bodies) - weight
+    found = []
+    for k, joint in enumerate(fit.model.robot.active):
+        mask, mean = fit.rows.masks[:, k], float(weight[:, k].mean())
+        if joint.kind != "prismatic" or not fit.moves[k] or not np.std(weight[:, k]) < CONSTANT * abs(mean):
+            continue
+        speed = motion.dq[:, k]
+        columns = np.column_stack([np.ones(len(speed)), np.tanh(speed / SLOW), speed, motion.ddq[:, k], moved[:, k]])
+        columns, target = columns[mask], (fit.rows.torque - fit.rows.known)[mask, k]
+        held, *_ = np.linalg.lstsq(columns, target, rcond=None)[0]
+        left = float(np.std(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]))
+        if HELD * abs(mean) < -held * np.sign(mean) and left < abs(mean):
+            evidence = f"it holds {held:.4g} N on average where the robot model's masses weigh {mean:.4g} N"
+            remedy = (
+                "turn the signs of its position and torque if it counts the other way; check the direction of gravity, "
+                "and state a counterweight (drives: {JOINT: {bias: ...}})"
+            )
+            numbers = {"held": float(held), "weight": mean}
+            found.append(Finding("error", "axis sign", joint.name, evidence, remedy, numbers))
+    return found
 
 
 def _other_unit(ratio: float, alike: float, whose: str) -> list[Finding]:
