@@ -189,6 +189,16 @@ def test_init_drafts_the_case_of_an_arm_whose_joints_move_one_at_a_time(folder: 
     assert ("enabled: [on1, on2, on3, on4, on5]   # 1 where" in text) == (size == 1.0)
 
 
+def test_init_takes_no_torque_state_for_torques_where_a_servo_log_has_no_commands(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = np.loadtxt("drop_kp4.csv", delimiter=",", skiprows=1)
+    np.savetxt("bare.csv", table[:, [0, 1, 3]], "%.9g", ",", header="t,q1,torque_enable", comments="")
+    assert main(["init", "pendulum.urdf", "bare.csv", "-o", "bare.yaml"]) == 0
+    assert "or the commanded positions of position servos" in capsys.readouterr().err
+    assert "are torque_enable the measured" not in Path("bare.yaml").read_text()
+
+
 def test_init_asks_for_the_time_of_a_servo_log_that_has_none(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = np.loadtxt("chirp_kp4.csv", delimiter=",", skiprows=1)
     np.savetxt("bare.csv", table[:, 1:3], "%.9g", ",", header="q1,q_ref1", comments="")

@@ -46,6 +46,8 @@ def test_each_fault_is_found(log: ServoLog) -> None:
     assert names(changed(q=coarse)) == [("warning", "quantisation")]
     assert names(changed(q=0.3 + 0.0 * log.q)) == [("error", "no motion")]
     assert names(changed(enabled=log.enabled | True)) == [("note", "no free swing")]
+    for trained, is_told in (((1.0, 1.5), True), ((1.0, 4.0), False), ((), False)):
+        assert [one.name for one in servo_findings(log, (LAW,), (), trained)] == ["extrapolation"] * is_told
 
 
 def test_a_joint_that_is_held_and_a_short_way_to_full_speed_are_no_faults(log: ServoLog) -> None:
@@ -101,6 +103,11 @@ def test_check_is_the_command_for_it(
     assert main(["check", "case.yaml", "drop_kp200.csv", "--json"]) == 1
     (found,) = json.loads(capsys.readouterr().out)["logs"][0]["findings"]
     assert found["name"] == "saturated" and found["severity"] == "error"
+    degrees = replace(log, q=np.degrees(0.2 * log.q), q_ref=np.degrees(0.2 * log.q_ref))  # within 40: not by itself
+    assert np.ptp(degrees.q) < 30.0
+    write_csv(degrees, Path("degrees_kp2.csv"))
+    assert main(["check", "case.yaml", "degrees_kp2.csv"]) == 1
+    assert "the joint travels 6.4: they are counts, degrees" in capsys.readouterr().err
     write_csv(replace(log, enabled=~log.enabled), Path("inverted_kp2.csv"))
     for words in (["check", "case.yaml"], ["identify", "-o", "a.json", "case.yaml"]):
         assert main([*words, "inverted_kp2.csv"]) == 1

@@ -16,7 +16,7 @@ from dynident.actuators.joint_load import carrying, joint_loads, load_times, mea
 from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
 from dynident.actuators.parameters import PLACE, with_zero
-from dynident.actuators.poor_fit import poor_fit
+from dynident.actuators.poor_fit import EXTRAPOLATION, poor_fit
 from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, rolled_out, started
 from dynident.actuators.servo_log import (
     AUTO,
@@ -243,7 +243,7 @@ def _remarks(data: JointData, kp: tuple[float, ...], parameters: Array) -> tuple
     if outside:
         those = ", ".join(f"{value:g}" for value in outside)
         remarks.append(
-            f"extrapolation: test logs at kp {those}, training logs at kp {min(kp):g} to {max(kp):g}; "
+            f"{EXTRAPOLATION}: test logs at kp {those}, training logs at kp {min(kp):g} to {max(kp):g}; "
             "their test error is no check of the model within its range"
         )
     return tuple(remarks)

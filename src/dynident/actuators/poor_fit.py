@@ -23,6 +23,9 @@ _NAMED = 3
 #: First words of what is said then.
 MISSED = "roll-outs miss"
 
+#: First word of what is said of test logs whose position gain is outside those of the training logs.
+EXTRAPOLATION = "extrapolation"
+
 #: A cause is told where it leaves this share of the error of the torques at most.
 _EXPLAINS = 0.5
 

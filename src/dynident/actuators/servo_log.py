@@ -24,6 +24,9 @@ _SPIKE = 12.0
 #: Positions beyond this many rad are counts, or degrees.
 _LARGEST_ANGLE = 40.0
 
+#: Positions that span more than this many times what their joint travels are in another unit.
+_TRAVELS = 1.5
+
 #: A command counts as copied where this share of it, in motion, is the measurement of another sample, at most this many
 #: samples away.
 _COPIED, _MOST_LAG = 0.9, 5
@@ -198,15 +201,7 @@ def _check_meaning(log: ServoLog, q: Array) -> None:
         measured, command = q[:, joint], log.q_ref[:, joint]
         spans = float(np.ptp(measured)), float(np.ptp(command))
         if max(spans) > _LARGEST_ANGLE:
-            evidence = (
-                f"positions of {name} span {spans[0]:.4g} rad, its commands {spans[1]:.4g} rad: they are counts, "
-                "degrees, or shares of a range"
-            )
-            step = (
-                f"state the unit (log: {{units: {{position: deg}}}}), what counts they are (servo: {{counts: "
-                f"{' or '.join(COUNTS)}}}), or the calibration of LeRobot (servo: {{calibration: FILE}})"
-            )
-            raise LogMismatch(log.name, evidence, step)
+            raise _no_radians(log, name, spans)
         if max(np.ptp(measured), np.ptp(command)) < _POSE:
             if np.max(np.ptp(np.hstack([q, log.q_ref]), axis=0)) < _POSE:
                 step = "log a motion of tens of degrees, or leave the joint out (locked: {joint: position})"
@@ -224,6 +219,35 @@ def _check_meaning(log: ServoLog, q: Array) -> None:
             when = f"{abs(lag)} sample{'s' * (abs(lag) > 1)} {'later' if lag > 0 else 'before'}"
             step = "log what the controller sends (goal position, the pose of the leader arm), not what it reads back"
             raise LogMismatch(log.name, f"the command of {name} is its measurement {when}", step)
+
+
+def check_travel(log: ServoLog, travel: Array) -> None:
+    """Refuse a log whose positions span more than their joints can travel: they are in another unit.
+
+    Args:
+        log: A log of the joints.
+        travel: Upper less lower limit of each joint, shape (n,), in rad or m; infinite for none.
+
+    Raises:
+        LogMismatch: A joint moves further than its limits allow.
+    """
+    for joint, name in enumerate(log.joints):
+        spans = float(np.ptp(log.q[:, joint])), float(np.ptp(log.q_ref[:, joint]))
+        if spans[0] > _TRAVELS * travel[joint]:
+            raise _no_radians(log, name, spans, f"; the joint travels {travel[joint]:.4g}")
+
+
+def _no_radians(log: ServoLog, name: str, spans: tuple[float, float], more: str = "") -> LogMismatch:
+    """Return the error that positions of a joint are in another unit, with what to state."""
+    evidence = (
+        f"positions of {name} span {spans[0]:.4g} rad, its commands {spans[1]:.4g} rad{more}: they are counts, "
+        "degrees, or shares of a range"
+    )
+    step = (
+        f"state the unit (log: {{units: {{position: deg}}}}), what counts they are (servo: {{counts: "
+        f"{' or '.join(COUNTS)}}}), or the calibration of LeRobot (servo: {{calibration: FILE}})"
+    )
+    return LogMismatch(log.name, evidence, step)
 
 
 def is_read_back(log: ServoLog, joint: int) -> bool:

@@ -7,11 +7,13 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from dynident.actuators.estimate import ActuatorEstimate
 from dynident.actuators.followed_log import FollowedJoint, followed
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_files import read_servo_logs
-from dynident.actuators.servo_log import ServoLog, ServoSetup
+from dynident.actuators.servo_log import ServoLog, ServoSetup, check_travel
 from dynident.actuators.torque_state import check_torque_state
 from dynident.api.case_logs import with_logs
 from dynident.api.named_logs import logs_named
@@ -145,7 +147,9 @@ def logs_of_servos(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:
             step = "give each log once, and test on logs that are not trained on"
             raise LogMismatch(str(file), f"the same content as {seen[digest]}", step)
         seen[digest] = str(file)
+    travel = np.array([joint.limits.upper - joint.limits.lower for joint in case.robot.active])
     for log in (*train, *test):
+        check_travel(log, travel)
         check_torque_state(case.robot, log)
     return (train, test) if case.split is None else _split(case, train)
 

@@ -316,6 +316,7 @@ def check(case: Case, options: argparse.Namespace) -> int:
         DynidentError: A log that cannot be read, or a robot model without inertias.
     """
     from dynident.actuators.joint_load import rigid_inertia
+    from dynident.actuators.servo_log import kp_values
     from dynident.api.actuators import logs_of_servos
     from dynident.cli import console
     from dynident.diagnosis.servo_findings import servo_findings
@@ -324,10 +325,12 @@ def check(case: Case, options: argparse.Namespace) -> int:
     _refuse(options, ("against", "fix"), "leave it out: it is for logs with torques")
     laws = case.servo.laws if case.servo else ()
     case = replace(case, train=tuple(options.logs), test=()) if options.logs else case
-    logs = [log for part in logs_of_servos(case) for log in part]
+    train, test = logs_of_servos(case)
+    logs = train + test
     rigid_inertia(case.robot)
     released = {name for log in logs for name, on in zip(log.joints, log.enabled.T, strict=True) if not on.all()}
-    found = [(log, servo_findings(log, laws, released)) for log in logs]
+    found = [(log, servo_findings(log, laws, released)) for log in train]
+    found += [(log, servo_findings(log, laws, released, kp_values(train))) for log in test]
     sound = all(one.severity != "error" for _, own in found for one in own)
     if options.json:
         told = [{"path": log.name, "findings": [one.figures() for one in own]} for log, own in found]

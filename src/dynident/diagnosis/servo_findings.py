@@ -7,7 +7,7 @@ from collections.abc import Container, Sequence
 import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
-from dynident.actuators.servo_log import MOVED, ServoLog, is_read_back
+from dynident.actuators.servo_log import MOVED, ServoLog, is_outside, is_read_back
 from dynident.case.evidence.velocities import velocity_pair
 from dynident.diagnosis.finding import SEVERITIES, Finding
 
@@ -21,15 +21,18 @@ _COARSE = 60
 _GAP = 8.0
 
 
-def servo_findings(log: ServoLog, laws: Sequence[DriveLaw], released: Container[str] = ()) -> list[Finding]:
+def servo_findings(
+    log: ServoLog, laws: Sequence[DriveLaw], released: Container[str] = (), trained: Sequence[float] = ()
+) -> list[Finding]:
     """Return what spoils a log, the worst first.
 
     Args:
         log: The log as it was read.
         laws: Drive law of each joint.
         released: Joints whose drive is off in a part of another log of the case.
+        trained: Position gains of the training logs where this one is a test log.
     """
-    found = _gaps(log)
+    found = [*_gaps(log), *_untrained(log, trained)]
     for joint, law in enumerate(laws):
         found += [*_failed(log, joint), *_saturated(log, joint, law), *_coarse(log, joint), *_read_back(log, joint)]
         found += [] if log.joints[joint] in released else _never_off(log, joint)
@@ -46,6 +49,14 @@ def _gaps(log: ServoLog) -> list[Finding]:
     evidence = f"{len(long)} gaps, the longest {steps.max():.3g} s at {log.time[int(np.argmax(steps))]:.4g} s"
     remedy = "log the goal at a steady rate: between two samples the command is taken to hold"
     return [Finding("warning", "gaps in time", "", f"{evidence} ({1e3 * usual:.3g} ms between samples)", remedy)]
+
+
+def _untrained(log: ServoLog, trained: Sequence[float]) -> list[Finding]:
+    if not is_outside(log.kp, trained):
+        return []
+    evidence = f"a test log at kp {log.kp:g}, training logs at kp {min(trained):g} to {max(trained):g}"
+    remedy = "its error is no check of the model within its range: train on logs at that kp too, or test on another"
+    return [Finding("warning", "extrapolation", "", evidence, remedy)]
 
 
 def _failed(log: ServoLog, joint: int) -> list[Finding]:

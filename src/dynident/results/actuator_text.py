@@ -9,7 +9,7 @@ import numpy as np
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
-from dynident.actuators.poor_fit import MISSED
+from dynident.actuators.poor_fit import EXTRAPOLATION, MISSED
 from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, MORE_SWINGS, SCALE, lacks_scale, unit_of
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
 
@@ -183,4 +183,6 @@ def headline(estimate: ActuatorEstimate) -> str:
     count = len(estimate.joints)
     tested = [joint.mean_error(joint.test) for joint in estimate.joints if joint.test]
     error = f"; test error {1e3 * float(np.mean(tested)):.3g} mrad" if tested else "; no test logs"
+    if any(text.startswith(EXTRAPOLATION) for joint in estimate.joints for text in joint.remarks):
+        error += f" ({EXTRAPOLATION} to another kp)"
     return f"{estimate.robot}: actuators of {count} joint{'s' * (count > 1)} from commands and positions{error}"

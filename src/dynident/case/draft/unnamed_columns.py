@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.case.draft.column_groups import groups_of
-from dynident.case.draft.column_words import tokens_of
+from dynident.case.draft.column_words import ENABLED, tokens_of
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.signal_choice import choose_signals
@@ -54,7 +54,7 @@ def with_missing_signals(found: Recognised, tables: Sequence[LogTable]) -> tuple
     """
     positions, effort = found.sources.get("q"), {"torque", "current"}
     known = {found.time, *_refused(found), *(name for source in found.sources.values() for name in source.columns)}
-    free = [name for name in found.header if name not in known]
+    free = [name for name in found.header if name not in known and not ENABLED.fullmatch(name)]
     has_effort = bool(effort & (found.sources.keys() | found.rivals.keys()))
     if positions is None or (found.time and (has_effort or len(free) < len(positions.columns))):
         return found, tables
