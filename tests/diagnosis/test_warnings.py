@@ -87,7 +87,8 @@ def test_a_consistent_fit_that_is_some_tens_of_per_cent_worse_is_no_fault() -> N
 
 def test_positions_beyond_the_limits() -> None:
     model, log = recorded(stretch=57.3)
-    with pytest.warns(UserWarning, match="not accepted: .*degrees"):
+    told = pytest.warns(UserWarning, match="not accepted: .*millimetres")  # of the slide
+    with told, pytest.warns(UserWarning, match="not accepted: .*degrees"):
         found = warnings_of(identify(model, [log], preprocessing=HOW))
     assert any("limits" in text and "check units" in text for text in found), found
 

@@ -68,9 +68,9 @@ def _limits(subject: CheckedLog) -> list[Finding]:
             names.append(joint.name)
             beyond.append(f"{joint.name} {low:.4g} to {high:.4g} (limits {lower:.4g} to {upper:.4g})")
             far = max(far, away)
-    units = {name: "mm" for name in millimetres}
-    if degrees and not _counts_turns(subject):
-        units |= dict.fromkeys(degrees, "deg")
+    units = dict.fromkeys(degrees if degrees and not _counts_turns(subject) else (), "deg") | dict.fromkeys(
+        millimetres, "mm"
+    )
     found = [_in_unit(subject, word, units) for word in dict.fromkeys(units.values())]
     if found or not beyond:
         return found
