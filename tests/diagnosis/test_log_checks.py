@@ -579,6 +579,18 @@ def test_errors_of_known_bodies_have_the_unit_of_the_torques(trial: Trial, tmp_p
     assert surprises[1] == pytest.approx(surprises[0], rel=0.02)
 
 
+def test_two_wrong_scales_are_told_together_and_one_alone(tmp_path: Path) -> None:
+    arm = virtual(read_case("generic-6r"), rate=RATE)
+    both, one = np.array([1.0, 2.0, 1.0, 0.5, 1.0, 1.0]), np.array([1.0, 2.0, 1.0, 1.0, 1.0, 1.0])
+    for times, name, joints in ((both, "torque scales", [1, 3]), (one, "torque scale", [1])):
+        found = arm.with_columns(tau=times * arm.columns["tau"]).examined(tmp_path).findings
+        (told,) = [finding for finding in found if finding.severity != "note"]
+        names = [arm.case.robot.joint_names[k] for k in joints]
+        assert (told.name, told.joint) == (name, ", ".join(names))
+        factors = [told.numbers.get("factor", told.numbers.get(f"factor {joint}")) for joint in names]
+        np.testing.assert_allclose(factors, 1.0 / times[joints], rtol=0.02)
+
+
 @pytest.mark.parametrize("swapped", [False, True])
 def test_joints_of_a_wrist_that_friction_hides_are_told_apart(swapped: bool, tmp_path: Path) -> None:
     arm = virtual(read_case("generic-6r"), rate=RATE)

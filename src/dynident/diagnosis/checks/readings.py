@@ -27,7 +27,7 @@ from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import RobotMisfit, robot_misfit
 from dynident.diagnosis.causes.several_scales import several_scales
-from dynident.diagnosis.causes.torque_scales import reading_of
+from dynident.diagnosis.causes.torque_scales import other_scales, reading_of
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
@@ -77,7 +77,7 @@ class Readings(Check):
         else:
             trends = subject.trends
             misfit = robot_misfit(fit) if trends is None else robot_misfit(trends.fit, known=trends.blames)
-        known = found[0][1].gain if found else scale.gain if scale else 0.0
+        known = found[0][1].gain if found else max((one.gain for one in other_scales(subject.scales)), default=0.0)
         found, misfit = _otherwise(fit, feeds, known, (found, misfit))
         if misfit.is_sure or ((found or scale) and misfit.is_suspected):
             return [_another_robot(misfit, fit, "error")]
@@ -94,18 +94,21 @@ def _otherwise(
     Args:
         fit: The log.
         feeds: Which joints friction drives, shape (n,).
-        known: Gain of the score by what was found so far.
+        known: Gain of the score by what was found so far, or by the scale of one torque.
         plain: What was found and what it leaves, which stay where neither explains the log better.
     """
     found, misfit = plain
+    one_scale = known > 0.0 and not found
     if misfit.is_structured or misfit.is_suspected:
         others = _confirmed(fit, _of_positions(fit, feeds, everywhere=True), everywhere=True)
         if others and others[0][1].gain > known:
             found, misfit = others, robot_misfit(fit, others[0][1].reading)
-    if misfit.is_sure or misfit.is_suspected:
+    is_poor = misfit.is_sure or misfit.is_suspected
+    if is_poor or (one_scale and not found):
         several = _scaled(fit)
         left = robot_misfit(fit, several[0][1].reading) if several else misfit
-        if not (left.is_sure or left.is_suspected):
+        better = bool(several) and (is_poor or several[0][1].gain > known + GAIN)
+        if better and not (left.is_sure or left.is_suspected):
             found, misfit = several, left
     return found, misfit
 
