@@ -21,7 +21,7 @@ from benchmarks.faults.trials import Trial
 from dynident.arrays import Array
 from dynident.data.formats._units import QUANTITY
 from dynident.diagnosis.checks.base import CheckedLog
-from dynident.diagnosis.checks.torque_scale import against_nominal
+from dynident.diagnosis.checks.torque_scale import against_known, against_nominal
 from dynident.diagnosis.finding import Finding
 
 #: Error of a figure, and half of a stated interval that holds the right one, as shares of it.
@@ -135,7 +135,9 @@ class CleanLog:
         if finding.name == "torque delay" and delay is not None:
             return delay.seconds
         if finding.name == "torque unit" and fit is not None:
-            theta = fit.model.nominal()
+            theta, known = fit.model.nominal(), self.subject.known
+            if known is not None and finding.evidence.startswith("the earlier estimate"):
+                return against_known(fit, known, None)[0]
             return nothing if theta is None else against_nominal(fit, theta, None)[0]
         if finding.name == "torque scale" and finding.joint and not finding.evidence.startswith("against"):
             own = [one for one in self.subject.scales if one.joint == finding.joint.split(", ")[0] and not one.is_open]

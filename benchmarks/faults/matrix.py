@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -91,7 +91,8 @@ def _is_new(finding: Finding, known: Finding | None) -> bool:
 def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "", recorded: bool = False) -> Iterator[Outcome]:
     """Yield the outcome of each kind at each strength on a robot; figures of a ``recorded`` log count what it has."""
     earlier, against = held.estimate(folder), reference(trial, held, folder)
-    clean = CleanLog(trial, subject_of(trial, folder), trial.examined(folder, earlier).findings)
+    subject = replace(subject_of(trial, folder), earlier=earlier)
+    clean = CleanLog(trial, subject, trial.examined(folder, earlier).findings)
     for kind in KINDS:
         if not any(word in kind.name for word in only.split(",")) or (kind.needs and kind.needs not in trial.columns):
             continue
