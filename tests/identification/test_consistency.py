@@ -202,3 +202,12 @@ def test_reasons_in_one_line() -> None:
     assert describe_reasons(["a", "b", "c"]) == "a; b; c"
     assert describe_reasons(["a", "b", "c", "d", "e"]) == "a; b; c and 2 more"
     assert describe_reasons([]) == ""
+
+
+def test_a_bound_met_by_rounding_is_not_broken_and_figures_beside_it_differ(planar_2r: Robot) -> None:
+    drives = {joint.name: Drive(10.0, 0.004) for joint in planar_2r.active}
+    model = model_of(planar_2r.with_drives(drives), "rotor_inertia")
+    theta = theta_of(model)
+    for value, told in ((-0.4 * (1 + 1e-9), ()), (-0.40002, ("Ia[joint1] = -0.40002 kg m^2 is below -0.4",))):
+        theta[model.inertial_count] = value
+        assert broken_conditions(model, theta) == told

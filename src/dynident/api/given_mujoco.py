@@ -12,13 +12,13 @@ from dynident.arrays import Array
 from dynident.errors import BadArgument, DescriptionError
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, JointLimits, Mimic, Robot, rotation_about
+from dynident.robot_files.leaders import carried_by_leaders, led_by_drives
 from dynident.robot_files.mjcf.bodies import FLOATING
 from dynident.robot_files.rotations import rotation_from_quaternion
 from dynident.robot_files.tree import (
     Connection,
     assemble,
     between_joints,
-    carried_by_leaders,
     numbered,
     ring,
     tied_by_lengths,
@@ -94,9 +94,10 @@ def robot_of_mujoco(model: Any) -> Robot:
             frames.setdefault(site, frame)
     gravity = np.zeros(3) if "gravity" in off else np.array(model.opt.gravity)
     damped, rubs = "damper" not in off, "frictionloss" not in off
+    driven = [joint for number, joint in enumerate(bodies.moving) if _motors(model, number)]
     joints = tuple(
         replace(joint, damping=joint.damping if damped else 0.0, friction=joint.friction if rubs else 0.0)
-        for joint in carried_by_leaders(found.joints)
+        for joint in carried_by_leaders(led_by_drives(found, driven).joints)
     )
     return replace(found, gravity=gravity, frames=frames, joints=joints)
 
@@ -214,8 +215,7 @@ def _joint(model: Any, number: int, names: tuple[str, str, str], place: tuple[Ar
 
 def _actuators(model: Any, number: int) -> tuple[float, float, float]:
     """Return rotor inertia, damping and largest torque that the actuators of a joint give it."""
-    on_joint = (model.actuator_trntype <= _ON_JOINT) & (model.actuator_trnid[:, 0] == number)
-    motors = np.flatnonzero(on_joint & (model.actuator_gear[:, 0] != 0.0))
+    motors = _motors(model, number)
     gears = np.abs(model.actuator_gear[motors, 0])
     forces = np.where(
         model.actuator_forcelimited[motors], np.abs(model.actuator_forcerange[motors]).max(axis=1), np.inf
@@ -227,6 +227,12 @@ def _actuators(model: Any, number: int) -> tuple[float, float, float]:
         return 0.0, 0.0, effort
     rotor, damping = gears**2 @ model.actuator_armature[motors], gears**2 @ model.actuator_damping[motors]
     return float(rotor), float(damping), effort
+
+
+def _motors(model: Any, number: int) -> list[int]:
+    """Return the actuators of a joint, by number."""
+    on_joint = (model.actuator_trntype <= _ON_JOINT) & (model.actuator_trnid[:, 0] == number)
+    return [int(one) for one in np.flatnonzero(on_joint & (model.actuator_gear[:, 0] != 0.0))]
 
 
 def _tie(model: Any, bodies: _MujocoParts) -> None:

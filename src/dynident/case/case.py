@@ -19,7 +19,7 @@ from dynident.case.acceptance import CRITERIA, Acceptance, acceptance_of
 from dynident.case.case_values import find_file, guarded, model_place, part_of, robot_named, texts
 from dynident.case.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.case.constraints_file import constraints_of
-from dynident.case.log_section import read_columns
+from dynident.case.log_section import led_by_joints, read_columns
 from dynident.case.questions import check_answered, without_open_gains
 from dynident.case.workspace_section import robot_with_limits
 from dynident.data.formats import ColumnMap
@@ -243,7 +243,7 @@ def _read_case(path: str | Path, open_gains: bool) -> Case:
         return case_of_robot(str(path))  # a DH table, or meant to be one
     top = Section.versioned(path, value, _KEYS, lines, VERSIONS)
     robot_path = robot_named(top, str(path))
-    full = read_robot(robot_path)
+    full = led_by_joints(top, read_robot(robot_path))
     choose = top.has("friction") and top.value("friction") == AUTO
     robot, locked = _robot(top, full)
     columns = read_columns(top, full)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from dynident.case.case_values import guarded, one_or_many, part_of, texts
@@ -14,11 +15,34 @@ from dynident.data.profiles.base import MARKS, SIDES
 from dynident.errors import BadOption
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
+from dynident.robot_files.leaders import followed, led_by
 
 _LOG_KEYS = ("profile", "format", "columns", "units", "decimal", "rated", "side", "zero")
 _LOG_KEYS += ("wrapped", "repeats", "force")
 _COLUMN_KEYS = ("time", "q", "dq", "ddq", "torque", "current", "temperature", "q_ref", "dq_ref")
 _UNIT_KEYS = ("time", "position", "velocity", "acceleration", "torque", "current")
+
+
+def led_by_joints(top: Section, robot: Robot) -> Robot:
+    """Return the robot in which followers that ``joints`` names move on their own, in place of what they followed.
+
+    Args:
+        top: The whole case.
+        robot: As its file ties joints.
+
+    Raises:
+        DescriptionError: Two of them are one motion.
+    """
+    names = texts(top, "joints")
+    for name in names:
+        joint = next((one for one in robot.joints if one.name == name and one.mimic is not None), None)
+        if joint is None or joint.mimic is None:
+            continue
+        if joint.mimic.joint in names:
+            step = f"leave one of the two out, they are one motion: {followed(joint)}"
+            raise top.place("joints").error(f"'{name}' follows '{joint.mimic.joint}'", step)
+        robot = guarded(top.place("joints"), partial(led_by, robot, name))
+    return robot
 
 
 def read_columns(top: Section, robot: Robot) -> ColumnMap:

@@ -210,30 +210,6 @@ def numbered(word: str, number: int, taken: Collection[str]) -> str:
     return next(name for one in count(number) if (name := f"{word}{one}") not in taken)
 
 
-def carried_by_leaders(joints: Sequence[Joint]) -> tuple[Joint, ...]:
-    """Return joints of which those that are followed have the rotor inertia and friction of their followers too.
-
-    A follower that turns m times as fast as its leader has m^2 of its rotor inertia and damping there, and m of its
-    Coulomb friction (without its sign); it has none itself then.
-    """
-    found = {joint.name: joint for joint in joints}
-    for joint in joints:
-        if joint.mimic is None:
-            continue
-        leader, ratio = found[joint.mimic.joint], joint.mimic.multiplier
-        rotor, damping, friction = joint.drive.reflected_inertia, joint.damping or 0.0, joint.friction or 0.0
-        if rotor or damping or friction:
-            gear = leader.drive.gear_ratio
-            found[leader.name] = replace(
-                leader,
-                drive=replace(leader.drive, rotor_inertia=leader.drive.rotor_inertia + (ratio / gear) ** 2 * rotor),
-                damping=(leader.damping or 0.0) + ratio**2 * damping,
-                friction=(leader.friction or 0.0) + abs(ratio) * friction,
-            )
-            found[joint.name] = replace(joint, drive=Drive(), damping=0.0, friction=0.0)
-    return tuple(found.values())
-
-
 def _sum(own: Inertia | None, more: Inertia | None, rotation: Array, translation: Array) -> Inertia | None:
     if more is None:
         return own

@@ -326,11 +326,13 @@ def test_several_joints_of_one_body_in_a_new_file(tmp_path: Path, exact_log: Cal
     np.testing.assert_allclose(torques[1:], [torques[0]] * 2, rtol=1e-9)
 
 
-def test_a_joint_that_follows_has_the_friction_of_its_leader(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("motor", "follower"), [('<motor joint="elbow"/>', "wrist"), ("", "elbow")])
+def test_a_joint_that_follows_has_the_friction_of_its_leader(motor: str, follower: str, tmp_path: Path) -> None:
+    """The wrist has a motor: it moves on its own where the elbow has none."""
     tie = '<equality><joint joint1="wrist" joint2="elbow" polycoef="0 2 0 0 0"/></equality>'
-    path = given(tmp_path, MJCF.replace("  <actuator>", f"  {tie}\n  <actuator>"))
+    path = given(tmp_path, MJCF.replace("  <actuator>", f"  {tie}\n  <actuator>{motor}"))
     _, files = reloaded(path, tmp_path)
-    (line,) = re.findall(r'<joint name="wrist" axis="1 0 1"(.*?)/>', files[tmp_path / "out.xml"].decode())
+    (line,) = re.findall(rf'<joint name="{follower}" axis(.*?)/>', files[tmp_path / "out.xml"].decode())
     own = dict(re.findall(r'(\w+)="([^"]*)"', line))
     assert own["damping"] == "0.0" and float(own.get("frictionloss", 0.0)) == 0.0
     assert (
@@ -341,7 +343,7 @@ def test_a_joint_that_follows_has_the_friction_of_its_leader(tmp_path: Path) -> 
 @pytest.mark.parametrize("has_friction", [True, False])
 def test_a_follower_with_armature_leaves_it_to_its_leader(has_friction: bool, tmp_path: Path) -> None:
     tie = '<equality><joint joint1="wrist" joint2="elbow" polycoef="0 2 0 0 0"/></equality>'
-    path = given(tmp_path, MJCF.replace("  <actuator>", f"  {tie}\n  <actuator>"))
+    path = given(tmp_path, MJCF.replace("  <actuator>", f"  {tie}\n  <actuator><motor joint='elbow'/>"))
     robot = read_robot(path)
     subject = subject_of(path)
     if not has_friction:

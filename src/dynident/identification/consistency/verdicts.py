@@ -27,12 +27,11 @@ def broken_conditions(model: DynamicModel, theta: Array) -> tuple[str, ...]:
     for i, link in enumerate(model.robot.links):
         inertia = Inertia.from_vector(theta[10 * i : 10 * i + 10])
         if not inertia.is_consistent():
-            why = inertia.defect() or "the pseudo-inertia is not positive definite"
-            reasons.append(f"{link.name}: {why}")
+            reasons.append(f"{link.name}: {inertia.defect() or 'the pseudo-inertia is not positive definite'}")
     for parameter, value in zip(model.parameters, theta, strict=True):
-        if parameter.nonnegative and value < parameter.least:
-            below = f"below {parameter.least:.4g}" if parameter.least else "negative"
-            reasons.append(f"{parameter.name} = {value:.4g} {parameter.unit} is {below}")
+        if parameter.nonnegative and value < parameter.least - 1e-6 * abs(parameter.least):  # a bound met by rounding
+            below, digits = (f"below {parameter.least:.8g}", 8) if parameter.least else ("negative", 4)
+            reasons.append(f"{parameter.name} = {value:.{digits}g} {parameter.unit} is {below}")
     return tuple(reasons)
 
 

@@ -74,6 +74,7 @@ class MjcfTree:
         joints: The joints that move, by name.
         sources: The bodies of the file, by name.
         motors: The actuators that give a joint armature or damping, by joint, with which of these each gives.
+        driven: The joints that an actuator drives.
         scopes: Of the model and of those attached to it.
         curved: The joints with damping of second or third order.
         notes: What has a torque in MuJoCo and none here.
@@ -87,6 +88,7 @@ class MjcfTree:
     joints: dict[str, JointSource] = field(default_factory=dict)
     sources: dict[str, BodySource] = field(default_factory=dict)
     motors: dict[str, list[tuple[Element, list[str]]]] = field(default_factory=dict)
+    driven: set[str] = field(default_factory=set)
     scopes: list[MjcfScope] = field(default_factory=list)
     curved: set[str] = field(default_factory=set)
     notes: dict[str, list[str]] = field(default_factory=dict)

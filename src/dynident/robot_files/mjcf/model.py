@@ -9,11 +9,12 @@ from typing import Final
 
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Frame, Robot
+from dynident.robot_files.leaders import carried_by_leaders, led_by_drives
 from dynident.robot_files.mjcf.bodies import WORLD, MjcfTree, read_tree
 from dynident.robot_files.mjcf.document import MjcfDocument, read_document
 from dynident.robot_files.mjcf.poses import IDENTITY
 from dynident.robot_files.mjcf.ties import tied
-from dynident.robot_files.tree import Connection, assemble, carried_by_leaders, some
+from dynident.robot_files.tree import Connection, assemble, some
 
 #: The flags that, all switched off, end a torque which MuJoCo has and which is not read here.
 _ENDED: Final[Mapping[str, set[str]]] = {
@@ -57,7 +58,7 @@ class MjcfModel:
         places = {WORLD: Frame(-1, *IDENTITY)}
         places |= {link.name: Frame(i, *IDENTITY) for i, link in enumerate(found.links)} | dict(found.frames)
         sites = {name: frame for name, frame in tree.frames(places).items() if name not in places}
-        joints = carried_by_leaders(found.joints)
+        joints = carried_by_leaders(led_by_drives(found, tree.driven).joints)
         return replace(found, joints=joints, gravity=document.gravity, frames={**found.frames, **sites})
 
 

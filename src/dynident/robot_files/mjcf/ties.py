@@ -191,6 +191,7 @@ def _driven(tree: MjcfTree, joints: list[Connection]) -> list[Connection]:
                 tree.note("damping of second and third order", name)
             if states:
                 tree.motors.setdefault(name, []).append((element, states))
+    tree.driven.update(motors)
     return [_moved(joint, motors.get(name, [])) for name, joint in found.items()]
 
 
