@@ -231,3 +231,18 @@ def test_a_joint_that_the_log_has_without_positions_is_named(change: dict[str, s
     found = without_positions(robot, header, positions)
     assert found.keys() == told.keys()
     assert all(words in found[name] for name, words in told.items())
+
+
+def test_units_of_each_axis_in_names_of_joints_make_one_signal() -> None:
+    header = ["Time", "X.ActPos [mm]", "A.ActPos [deg]", "X.ActCurrent [A]", "A.ActCurrent [A]"]
+    q, current = groups_of(header, ("X", "A"))
+    assert (q.names, q.units, q.meaning.unit, q.pattern) == (tuple(header[1:3]), ("mm", "deg"), "", "")
+    assert (current.names, current.units, current.pattern) == (tuple(header[3:]), (), "{joint}.ActCurrent [A]")
+    in_words = groups_of(["X_pos_mm", "A_pos_deg"], ("X", "A"))
+    assert [(group.names, group.units) for group in in_words] == [(("X_pos_mm", "A_pos_deg"), ("mm", "deg"))]
+
+
+def test_columns_of_a_joint_in_two_units_are_two_signals() -> None:
+    header = ["X.pos [rad]", "A.pos [rad]", "X.pos [deg]", "A.pos [deg]"]
+    found = [(group.names, group.meaning.unit, group.units) for group in groups_of(header, ("X", "A"))]
+    assert found == [(tuple(header[:2]), "rad", ()), (tuple(header[2:]), "deg", ())]

@@ -112,3 +112,20 @@ def test_what_steps_and_what_is_coarse() -> None:
     assert not steps(smooth) and not steps(np.round(smooth / 2e-3) * 2e-3)  # 50 values, one after another
     assert steps(np.where(time % 8 < 4, 0.0, 0.05)) and not steps(np.zeros(4000))
     assert not steps(np.where(np.arange(4000) == 700, 3.0, smooth))  # a wrong sample
+
+
+@pytest.mark.parametrize("units", [("deg", "deg", "mm"), ("rad", "rad", "m")])
+def test_units_of_each_axis_in_the_names_are_read(
+    tmp_path: Path, arm: str, motion: dict[str, Array], units: tuple[str, ...]
+) -> None:
+    wide = with_gripper(motion, 0.1 + 0.05 * np.sin(motion["time"]))
+    factors = [{"deg": 180 / np.pi, "mm": 1000.0}.get(unit, 1.0) for unit in units]
+    names = [f"{name}.ActPos [{unit}]" for name, unit in zip(NAMES, units, strict=True)]
+    efforts = [f"{name}.ActTorque [{unit}]" for name, unit in zip(NAMES, ("N m", "N m", "N"), strict=True)]
+    columns = named({**wide, "q": wide["q"] * factors}, "Time", {"q": names, "torque": efforts})
+    draft = draft_case(arm, write_log(tmp_path / "log.csv", columns, ";"), tmp_path)
+    assert draft.recognition.joints.names == NAMES and draft.recognition.joints.certain
+    assert not any("no positions" in remark for remark in draft.remarks)
+    columns_of = read(draft, tmp_path, {"unit of": "[N m, N m, N]"}).columns
+    assert (columns_of.q, columns_of.torque) == (tuple(names), tuple(efforts))
+    assert columns_of.units.position == units

@@ -542,6 +542,17 @@ def test_a_row_of_units_under_the_header_goes_into_the_names(tmp_path, units, be
     assert f"the units in line {len(before) + 2} put into the names" in log.source.steps[0]
 
 
+@pytest.mark.parametrize("cell", ["hh:mm:ss", "HH:MM:SS.fff", "[time]", "UTC", "-"])
+def test_the_word_above_time_stamps_is_no_unit(tmp_path, cell):
+    header, *rows = stamped_table(f"10:00:{k / 8:06.3f}" for k in range(ROWS))
+    names = header.split(",")
+    path = saved(tmp_path, [header, f"{cell},deg,rad,N m,A", *rows])
+    assert read_header(path) == (names[0], *map("{} [{}]".format, names[1:], ("deg", "rad", "N m", "A")))
+    if cell != "-":
+        with pytest.raises(LogFormatError, match="remove it and put them into the names"):  # seconds have a unit
+            read_log(saved(tmp_path, [table()[0], f"{cell},deg,rad,N m,A", *table()[1:]]), ColumnMap())
+
+
 def test_a_second_row_of_other_words_is_no_row_of_units(tmp_path):
     header, *rows = table()
     path = saved(tmp_path, [header, "s,shoulder,elbow,shoulder,elbow", *rows])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from dynident.case.draft.column_words import Meaning, meaning_of, split_unit, tokens_of, words_of
 
@@ -105,7 +105,7 @@ def unit_of_time(name: str, header: Sequence[str] = ()) -> str:
 
 def _named_groups(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
     """Return groups whose columns have the names of joints, whole or without words such as 'joint'."""
-    found: dict[Meaning, dict[int, str]] = {}
+    found: dict[Meaning, dict[Meaning, dict[int, str]]] = {}
     forms, container = joint_forms(joints), _container(header)
     for name in header:
         base, unit = split_unit(name)
@@ -119,12 +119,20 @@ def _named_groups(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
             continue
         meaning = meaning_of(rest, unit, at_end=start + length < len(words))
         if meaning.signal and meaning.signal != "time":
-            found.setdefault(meaning, {}).setdefault(joint, name)
-    return [
-        Group(meaning, columns, True, _joint_pattern(columns, joints))
-        for meaning, columns in found.items()
-        if len(columns) > 1 or len(joints) == 1
-    ]
+            found.setdefault(replace(meaning, unit=""), {}).setdefault(meaning, {}).setdefault(joint, name)
+    groups = [group for meaning, parts in found.items() for group in _by_unit(meaning, parts, joints)]
+    return [group for group in groups if group.count > 1 or len(joints) == 1]
+
+
+def _by_unit(meaning: Meaning, parts: Mapping[Meaning, Mapping[int, str]], joints: Sequence[str]) -> Iterator[Group]:
+    """Yield the columns of a signal as one group; as one of each unit where a joint has columns in two of them."""
+    units = {joint: own.unit for own, columns in parts.items() for joint in columns}
+    if len(parts) > 1 and len(units) == sum(map(len, parts.values())):
+        columns = {joint: name for one in parts.values() for joint, name in one.items()}
+        yield Group(meaning, columns, True, units=tuple(units[joint] for joint in sorted(units)))
+        return
+    for own, columns in parts.items():
+        yield Group(own, columns, True, _joint_pattern(columns, joints))
 
 
 def joint_forms(joints: Sequence[str]) -> dict[tuple[str, ...], int]:

@@ -77,7 +77,7 @@ def find_header(path: str | Path, decimal: str) -> TextLayout:
     lines, comment, stated = _first_lines(path)
     layout = _layout(lines, comment, decimal, stated)
     after = [line for line in lines if line.number > layout.before]
-    units = _units(_names(after[0].text, layout.delimiter)) if after else ()
+    units = _units(*(_names(line.text, layout.delimiter) for line in after[:2])) if len(after) > 1 else ()
     if not units or len(units) != len(layout.header):
         return layout
     header = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(layout.header, units, strict=True))
@@ -85,8 +85,9 @@ def find_header(path: str | Path, decimal: str) -> TextLayout:
     return replace(layout, header=header, before=after[0].number, note=note)
 
 
-def _units(cells: Sequence[str]) -> tuple[str, ...]:
-    """Return the units in a row of units, without brackets, where there are two at least; else nothing."""
+def _units(cells: Sequence[str], below: Sequence[str]) -> tuple[str, ...]:
+    """Return the units in a row of units, without brackets, where two are no words above time stamps; else nothing."""
+    cells = ["-" if is_stamp(row) and not is_stamp(cell) else cell for cell, row in zip(cells, below, strict=False)]
     is_units = all(_UNIT.fullmatch(re.sub(r"[\s.·*]", "", cell)) for cell in cells)
     found = tuple(cell.strip("[]()- ") for cell in cells)
     return found if is_units and sum(map(bool, found)) > 1 else ()
@@ -155,7 +156,7 @@ def _header_at(lines: Sequence[_Line], decimal: str, stated: str | None) -> tupl
         return None
     if any(_is_number(name, decimal) for name in names) or not all(_is_number(row[0], decimal) for row in rows[1:]):
         return None
-    return (names, delimiter) if _is_number(rows[0][0], decimal) or _units(rows[0]) else None
+    return (names, delimiter) if _is_number(rows[0][0], decimal) or _units(*rows[:2]) else None
 
 
 def delimiter_of(texts: Sequence[str], decimal: str, stated: str | None) -> str | None:
