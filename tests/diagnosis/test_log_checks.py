@@ -324,6 +324,11 @@ def test_friction_that_turns_before_the_velocity_is_a_friction_curve(trial: Tria
     assert {finding.name for finding in found} <= {"friction curve", "spikes"}, [finding.line() for finding in found]
     curves = [finding for finding in found if finding.name == "friction curve"]
     assert len(curves) == 3 and all("turns" in finding.evidence for finding in curves)
+    for k, name in enumerate(trial.case.robot.joint_names):  # both figures are of what the curve takes off
+        (curve,) = [finding for finding in curves if finding.joint == name]
+        share = float(re.search(r"([\d.]+) % of its torque", curve.evidence)[1]) / 100.0  # type: ignore[index]
+        whole = float(np.sqrt(np.mean(tau[:, k] ** 2)))
+        assert curve.numbers["torque"] == pytest.approx(share * whole, rel=0.2)
 
 
 def test_a_change_shows_against_an_earlier_estimate_where_the_description_is_wrong(

@@ -98,14 +98,16 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     severity: Severity = "warning" if grave else "note"
     of = "its torque" if blame.cause.joint else "all torques"
     counted = f" (t = {blame.certainty:.0f}, {100 * blame.share:.0f} % of a joint's residual variance, "
-    counted += f"{100 * blame.size:{'.0f' if blame.size >= MATTERS else '.2g'}} % of {of})"
+    told = blame.taken if blame.cause.name == "friction curve" else blame.torque
+    size = blame.size * float(told.max()) / max(float(blame.torque.max()), 1e-300)
+    counted += f"{100 * size:{'.0f' if size >= MATTERS else '.2g'}} % of {of})"
     largest = int(np.argmax(np.abs(blame.values)))
     numbers = {
         "value": float(blame.values[largest]),
         "half_width": float(blame.half_widths[largest]),
         "t": blame.certainty,
         "share": blame.share,
-        "torque": float((blame.taken if blame.cause.name == "friction curve" else blame.torque).max()),
+        "torque": float(told.max()),
     }
     if blame.cause.name == "counterbalance":
         numbers |= dict(zip(("value", "half_width", "phase_rad"), _wave(blame), strict=True))
@@ -173,7 +175,8 @@ def _friction_curve(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     unit = "N" if _joint(blame, fit).kind == "prismatic" else "N m"
     course = "sub-linear, load-dependent, or turns before or after the velocity does"
     evidence = f"friction is not Coulomb and viscous friction alone ({course}), {blame.taken.max():.3g} {unit} rms"
-    return evidence, "use friction model selection (friction: auto), or add degressive, load or presliding"
+    choice = "which chooses parts and the smoothing width of the Coulomb term"
+    return evidence, f"use friction: auto, {choice}, or add degressive, load or presliding"
 
 
 def _time_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
