@@ -2,15 +2,15 @@
 
 One joint: each seed draws a pendulum (0.2 to 1.5 kg, 0.08 to 0.25 m), a servo for it (torque at full duty 2.5 to 6
 times the weight's torque, back-EMF, armature, friction, delay 2 to 20 ms, one in three with a slew limit) and logs of
-6 s at 200 Hz, 4096 counts a turn: chirp, steps, lift and free swing at two position gains. The drive law is that of the
-STS3215. A second answer gets one slow chirp without saturation and no gain: the torque at full duty has to be called
-not separable. Three or six joints: arms of desk size, all joints in motion at once, at 30, 50, 100 or 200 Hz, an
-integrator of their own (servo_arms.py), one drive in three with a slew limit. One seed in four has stiction (Stribeck),
-and friction m2 is stated; m1 for the others. One line a seed is added to the file, and seeds that it holds are not run
-again. With --minutes the arms have logs of that length in all, at position gains from 6 to 20, without stiction and
-slew limits: how long does the answer take? With --bodies the bodies of the robot model are off by about 30 % and free;
-with --payload logs of a known payload are added. With --single one joint of an arm moves at a time, the others hold a
-pose, another one at each gain.
+6 s at 200 Hz, 4096 counts a turn: chirp, steps, lift and free swing at two position gains. The drive law is that of
+the STS3215. A second answer, of arms too, gets slow motions without saturation and no gain: the torque at full duty
+has to be called not separable. Three or six joints: arms of desk size, all joints in motion at once, at 30, 50, 100 or
+200 Hz, an integrator of their own (servo_arms.py), one drive in three with a slew limit. One seed in four has stiction
+(Stribeck), and friction m2 is stated; m1 for the others. One line a seed is added to the file, and seeds that it holds
+are not run again. With --minutes the arms have logs of that length in all, at position gains from 6 to 20, without
+stiction and slew limits: how long does the answer take? With --bodies the bodies of the robot model are off by about
+30 % and free; with --payload logs of a known payload are added. With --single one joint of an arm moves at a time, the
+others hold a pose, another one at each gain.
 Run: python -m benchmarks.servos FILE [--joints N] [--seeds N] [--first K] [--minutes M] [--bodies] [--payload]
 [--single]
 """
@@ -21,23 +21,24 @@ import argparse
 import json
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import ceil
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.servo_arms import arm_logs, drawn_arm, single_logs
+from benchmarks.servo_arms import VirtualArm, arm_log, arm_logs, drawn_arm, single_logs
 from benchmarks.servo_bodies import disturbed, held, lines_of
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import JointActuator
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.joint_load import with_payload
 from dynident.actuators.parameters import PLACE, neutral
-from dynident.actuators.servo_log import ServoColumns, ServoSetup
+from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
 from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.arrays import Array
+from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
 from dynident.robot_files import read_robot
 from dynident.simulation.effects import Payload
@@ -146,13 +147,14 @@ def one(
                 replace(log, name=f"{log.name} load", payload=PAYLOAD)
                 for log in logs_of(with_payload(robot, PAYLOAD), true, seed + 1, (6.0,), ("chirp", "steps", "drop"))
             ]
-        true = true[None]
+        quiet, true = logs_of(robot, true, seed, (1.5,), ("slow",)), true[None]
     else:
         arm = drawn_arm(random, joints, LAW, folder)
         if not minutes:
             add_stiction(random, arm.true)
             add_slew_limits(random, arm.true)
         robot, true, rate = arm.robot, arm.true, RATES[seed % len(RATES)]
+        quiet = slow_logs(arm, rate)
         if is_single:
             poses = {kp: random.uniform(-0.8, 0.8, joints) for kp in gains_of(minutes)}
             logs = single_logs(arm, rate, poses)
@@ -177,12 +179,24 @@ def one(
     }
     if bodies:
         line["bodies"] = held(answer, robot, true)
-    elif joints == 1:
-        quiet = [replace(log, kp=float("nan")) for log in logs_of(robot, true[0], seed, (1.5,), ("slow",))]
-        setup = ServoSetup((preset("position_servo"),), ServoColumns(("joint1",)), "m1")
-        known = identify_actuators(robot, setup, quiet).joints[0].known
-        line["gain_unknown"] = next(k.label for k in known if k.name == "full_torque")
+    elif not minutes:
+        line["gain_unknown"] = gain_labels(robot, quiet)
     return line
+
+
+def slow_logs(arm: VirtualArm, rate: float) -> list[ServoLog]:
+    """Return logs of 6 s of slow motions of all joints, two sizes, whose duty stays below two thirds of its limit."""
+    time = np.arange(0.0, SECONDS, 1.0 / rate)
+    beats = 0.2 + 0.1 * np.linspace(0.0, 1.0, arm.robot.dof) + 0.04 * time[:, None]
+    command, on = 0.4 * np.sin(2 * np.pi * beats * time[:, None]), np.ones(len(time), dtype=bool)
+    return [replace(arm_log(arm, time, size * command, 4.0, on), name=f"slow {size}") for size in (1.0, 0.6)]
+
+
+def gain_labels(robot: Robot, logs: Sequence[ServoLog]) -> list[str]:
+    """Return how far the torque at full duty of each joint is called known where nothing is known of gain and law."""
+    setup = ServoSetup((preset("position_servo"),) * robot.dof, ServoColumns(robot.joint_names), "m1")
+    joints = identify_actuators(robot, setup, [replace(log, kp=float("nan")) for log in logs]).joints
+    return [next(k.label for k in joint.known if k.name == "full_torque") for joint in joints]
 
 
 def _of_joint(joint: JointActuator, true: Array) -> dict[str, dict[str, object]]:
@@ -238,7 +252,8 @@ def summary(lines: list[Mapping]) -> list[str]:
             found.append(f"{name:18s}{odd} times found where there is none, or missed")
     found.append(f"all intervals: {100 * held / max(counted, 1):.1f} % of {counted} hold the truth")
     found += lines_of(lines)
-    labels = [line["gain_unknown"] for line in lines if "gain_unknown" in line]
+    told = [line["gain_unknown"] for line in lines if "gain_unknown" in line]
+    labels = [label for own in told for label in ([own] if isinstance(own, str) else own)]
     if labels:
         right = labels.count("not separable")
         found.append(f"unknown gain without saturation called not separable: {right} of {len(labels)}")
