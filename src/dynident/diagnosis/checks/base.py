@@ -24,6 +24,10 @@ from dynident.identification.selection.delay import find_delays
 #: A delay counts from this many of its standard deviations on.
 SURE_DELAY = 5.0
 
+#: Share of the acceleration that rounding makes of it from which positions are coarse: parameters are then off by its
+#: square, a thousandth.
+ROUNDING = 0.03
+
 
 @dataclass(frozen=True)
 class CheckedLog:

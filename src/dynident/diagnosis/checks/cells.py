@@ -12,8 +12,7 @@ from dynident.arrays import Array, IntArray
 from dynident.case.evidence.positions import STILL, travel
 from dynident.data.log import Log, smallest_step
 from dynident.diagnosis.causes.quick_fit import CUTOFF_HZ
-from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.checks.resolution import ROUNDING
+from dynident.diagnosis.checks.base import ROUNDING, Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
 from dynident.diagnosis.repair import MOST_LOST, broken_rows
 

@@ -12,16 +12,12 @@ from dynident.arrays import Array
 from dynident.case.evidence.positions import FEW_VALUES, STILL, travel
 from dynident.data.log import smallest_step
 from dynident.diagnosis.causes.quick_fit import CUTOFF_HZ
-from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.checks.base import ROUNDING, Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
 
 #: Steps of a torque over its usual range (its 1st to 99th percentile) below which it is coarse, and of any signal below
 #: which it says little, and the finding is a warning.
 FEW_STEPS = FEW_VALUES
-
-#: Share of the acceleration that rounding makes of it from which positions are coarse: parameters are then off by its
-#: square, a thousandth.
-ROUNDING = 0.03
 
 
 @dataclass(frozen=True)
