@@ -25,6 +25,7 @@ from dynident.case.draft.recognise import cutoff_of, recognised
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import is_servo_log, servo_remark
 from dynident.case.draft.signal_units import position_factors
+from dynident.case.draft.tied_columns import led_by_columns
 from dynident.case.questions import Question, questions_in
 from dynident.data.formats import FORMATS, LARGE, LogFormat, LogTable, bytes_of
 from dynident.data.formats._clocked_table import with_clock, with_sum
@@ -120,13 +121,14 @@ def draft_case(
         tables = [with_clock(table, clock, rate_hz) for table in tables]
     elif not fitting_profiles(tables[0].header, described.joint_names):
         tables = _summed(tables)
+    described, ties = led_by_columns(described, tables[0])
     found = recognised(described, tables, profile)
     if profile and not found.profiles:
         reads = ", ".join(channel.pattern for channel in PROFILES.make(profile).read_channels().values())
         step = f"it reads {PROFILES.make(profile).time}, {reads}, for each joint of the robot; leave the profile out"
         raise BadOption("profile", profile, step)
     found = replace(found, form=written, is_large=sum(bytes_of(Path(log)) for log in train) > LARGE)
-    remarks = tuple(_remarks(found))
+    remarks = (*ties, *_remarks(found))
     files = Files(robot, train, tuple(test), Path(folder))
     text = case_text(found, files, remarks)
     return Draft(text, remarks, questions_in(text), found, files)
@@ -276,7 +278,7 @@ def _remarks(found: Recognised) -> list[str]:
         remarks.append(f"the columns of the {what} are not recognised: {step}{_ELSEWHERE if found.time else ''}")
         return remarks
     moving, told = found.moving, found.units["position"]
-    if moving is not None and told.certain and found.joints.certain:
+    if moving is not None and told.certain:
         order = [found.joints.names.index(joint.name) for joint in moving.active]
         q = np.concatenate([reading.signals["q"] for reading in found.readings])
         q = (q * position_factors(told, q.shape[1]))[:, order]

@@ -33,6 +33,7 @@ from dynident.case.draft.stated_units import (
     units_of_profile,
 )
 from dynident.case.draft.stepping_joints import without_steps
+from dynident.case.draft.tied_columns import without_followers
 from dynident.case.draft.unnamed_columns import by_structure, with_missing_signals
 from dynident.case.draft.yaml_words import listed, quoted
 from dynident.case.evidence.positions import STILL, strays, travel
@@ -149,11 +150,14 @@ def _by_values(found: Recognised) -> Recognised:
     elif "time" not in units:
         units["time"] = _by_velocities(found, time_unit(first.step, unit_of_time(found.time, found.header)))
     stated = {signal: stated_unit(found, signal) for signal in found.sources}
-    if not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
+    tied = None if found.profiles else without_followers(found)
+    if tied is not None:
+        found = tied
+    elif not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
         found = _first_columns(found)
     found = _with_turns(found)
     q = np.concatenate([reading.signals["q"] for reading in found.readings])
-    if not found.profiles:
+    if not found.profiles and tied is None:
         group = next(g for g in column_groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
         found = replace(found, joints=choose_joints(found.robot, group, _likely_si(q, stated["q"])))
     found = without_steps(replace(found, units=units))
