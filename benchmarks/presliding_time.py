@@ -21,7 +21,7 @@ from benchmarks.init_cases import CASES, SETS, drafted
 from dynident import identify, read_case, validate
 
 #: How often each is identified.
-ROUNDS = 2
+ROUNDS = 4
 
 
 def row_of(name: str, data: Path, folder: Path) -> str:

@@ -13,12 +13,14 @@ from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, preprocess
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.diagnosis.warnings import warnings_of
-from dynident.errors import LogMismatch
+from dynident.errors import BadOption, LogMismatch
 from dynident.identification.build_problem import predicts_better
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
+from dynident.identification.problem.choices import Choices, DelayRecord
 from dynident.identification.selection.delay import find_delays
-from dynident.identification.selection.friction.column_pool import PartCandidate, SharedRows
+from dynident.identification.selection.friction.column_pool import PooledLogs, SharedRows
+from dynident.identification.selection.friction.finer_values import finer_values
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import WHOLE, Friction, Motion
@@ -29,6 +31,7 @@ from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
+from dynident.results.choices import choice_tables
 
 RATE = 200.0
 HOW = Preprocessing(AsGiven(), rest="keep", delay_s=None)
@@ -210,9 +213,37 @@ def test_a_delay_beside_presliding_lies_between_none_and_that_without_it(
         assert delay.applied == rows.delay_s == pytest.approx(applied, abs=1e-4)
 
 
-def test_a_candidate_remembers_as_its_part_does(exact_motion: MakeMotion) -> None:
-    part, motion = Presliding(0.02), exact_motion(3, np.arange(100) / 50.0)
-    np.testing.assert_array_equal(PartCandidate(part, "7").states_along(motion, 0.02), part.states_along(motion, 0.02))
+def test_rows_of_candidates_are_those_of_each_alone(planar_2r: Robot, exact_motion: MakeMotion) -> None:
+    log = preprocess(logged(planar_2r, exact_motion, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], 0, 5), HOW)
+    model = DynamicModel(planar_2r, (Coulomb(0.01), Viscous()))
+    parts = (Presliding(0.01, damping=True), Presliding(0.02, 0.3), Presliding(0.02, joints=("joint2",)), Coulomb(0.1))
+    together, *alone = (SharedRows(planar_2r, [log]) for _ in range(1 + len(parts)))
+    PooledLogs(model, [log], shared=together).pool(parts)
+    for part, own in zip(parts, alone, strict=True):
+        PooledLogs(model, [log], shared=own).pool([part])
+        for one, other in zip(together.friction[part][0], own.friction[part][0], strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
+    with pytest.raises(BadOption, match="there twice"):
+        DynamicModel(planar_2r, parts)
+
+
+def test_the_last_of_the_turns_makes_its_own_columns_alone(planar_2r: Robot, exact_motion: MakeMotion) -> None:
+    truth = (Coulomb(0.01), Viscous(), Presliding(0.01))
+    log = preprocess(logged(planar_2r, exact_motion, truth, [1.0, 1.0, 3.0, 0.6, 0.5, 2.0], 0, 5), HOW)
+    model = DynamicModel(planar_2r, (Coulomb(0.01), Viscous(), Presliding(8e-3)))
+    for turns, lengths, expected in ((1, 1, 8e-3), (2, 4, 0.0098)):  # another turn: both sides of the first, its step
+        shared = SharedRows(planar_2r, [log])
+        pooled = PooledLogs(model, [log], shared=shared)
+        found, _ = finer_values(model, [([2], "length")], [(3e-4, 0.1)], [1.5], pooled, turns)
+        assert sum(isinstance(part, Presliding) for part in shared.friction) == lengths
+        assert found[0] == pytest.approx(expected, rel=0.1)
+
+
+def test_the_table_of_delays_states_what_is_applied() -> None:
+    """Beside friction with a memory a delay beyond that without it is not applied, however sure it is."""
+    delays = (DelayRecord("a", -1.59e-3, 2.1e-4, 0.0), DelayRecord("b", 8e-3, 2e-4, 5e-3))
+    ((_, table),) = choice_tables(Choices(delays=delays))
+    assert [row[-1] for row in table.rows] == ["0", "5"] and "between none and that" in table.note
 
 
 def test_lengths_are_at_least_the_resolution(planar_2r: Robot, exact_motion: MakeMotion) -> None:

@@ -50,6 +50,10 @@ class DynamicModel(ModelMethods):
         for name in (name for part in self.friction for name in part.joints or ()):
             if name not in names:
                 raise UnknownChoice("joint", name, names)
+        self._check_names()
+
+    def _check_names(self) -> None:
+        names = self.robot.joint_names
         owned = [
             (names[j], c.symbol) for part in self.friction for j in self.drives_of(part) for c in part.coefficients
         ]
@@ -237,7 +241,7 @@ class DynamicModel(ModelMethods):
         ends = np.cumsum([len(part.states) for part in parts])[:-1]
         known = [None] * len(parts) if first is None else np.split(first, ends, axis=-1)
         found = [part.states_along(at, step, own) for part, own in zip(parts, known, strict=True)]
-        return replace(motion, state=np.concatenate(found, axis=-1))
+        return replace(motion, state=np.concatenate([own.transpose(2, 0, 1) for own in found]).transpose(1, 2, 0))
 
     def rotor_torque(self, motion: Motion, identified: Array) -> Array:
         """Return the torque of the rotors at the joints: known inertias and identified ones (n,), shape (N, n)."""

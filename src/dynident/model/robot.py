@@ -234,7 +234,7 @@ class Robot(ShortText):
         """n: the number of joints that move on their own."""
         return len(self.active)
 
-    @property
+    @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the n joints that move on their own."""
         return tuple(joint.name for joint in self.active)

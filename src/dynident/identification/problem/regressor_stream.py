@@ -49,6 +49,7 @@ class RegressorStream:
         self._kernel = JointColumns(model.robot.chain, inertial, any_gravity)
         friction = base.independent[base.independent >= model.inertial_count] - model.inertial_count
         self._drive, self._coefficient = (found[friction] for found in model.terms)
+        self._term = self._coefficient * model.robot.dof + self._drive
         self._inertial, self._any_gravity, self._only = len(inertial), any_gravity, only
         needing = [("torque" in part.needs) for part in model.friction for _ in part.coefficients]
         wanted = np.array(needing, dtype=bool)[self._coefficient] | (only != "load")
@@ -194,23 +195,22 @@ class RegressorStream:
             self._kernel.evaluate(cut.q, cut.dq, cut.ddq, out=heads)
         if load is not None and loaded:
             cut = replace(cut, torque=self._without_friction(cut, heads, load))
-        values = self.model.friction_values(cut)
+        by_term = self.model.friction_values(cut).T.reshape(-1, len(cut.q))
         coupling, coupled = np.asarray(self.model.robot.coupling), self.model.robot.is_coupled
         for i, (block, own) in enumerate(zip(blocks, self._own, strict=True)):
-            drive, tail = self._drive[own], block[len(block) - 1 - len(own) : -1]
-            tail[:] = values.T[self._coefficient[own], drive]
+            tail = block[len(block) - 1 - len(own) : -1]
+            np.take(by_term, self._term[own], axis=0, out=tail, mode="clip")  # no copy between, as other modes make
             if coupled:
-                tail *= coupling[drive, i, None]
+                tail *= coupling[self._drive[own], i, None]
             block[-1] = 0.0 if torque is None else torque[part, i]
         return tuple(blocks)
 
     def _without_friction(self, motion: Motion, heads: Sequence[Array], beta: Array) -> Array:
         """Return the torque of links and rotors at ``beta``, shape (N, n), from the inertial rows of each joint."""
         rigid = [beta[own] @ head for own, head in zip(self._kernel.columns, heads, strict=True)]
-        rotor = np.zeros(self.model.robot.dof)
-        for k, drive in enumerate(self._drive, start=self._inertial):
-            if self.base.parameters[self.base.independent[k]].kind == "rotor":
-                rotor[drive] = beta[k]
+        is_inertia = np.array([own for part in self.model.friction for own in part.is_inertia], dtype=bool)
+        rotor, terms = np.zeros(self.model.robot.dof), np.flatnonzero(is_inertia[self._coefficient])
+        rotor[self._drive[terms]] = beta[self._inertial + terms]
         return np.stack(rigid, axis=1) + self.model.rotor_torque(motion, rotor)
 
 

@@ -86,7 +86,7 @@ class Expression:
         """Say whether an expression is an input as it stands."""
         return isinstance(term, Scalar) and self._trace.nodes[term.number].source == InputSource(name, 0)
 
-    def _slots(self, values: tuple[Number, ...]) -> dict[int, Number]:
+    def _slots(self, values: tuple[Number, ...]) -> dict[int, Scalar]:
         """Return values by slot, as nodes: a program would leave out those that are 0."""
         return {
             k: value if isinstance(value, Scalar) else self._trace.constant(value) for k, value in enumerate(values)
@@ -105,7 +105,8 @@ class Expression:
     @cached_property
     def reads(self) -> tuple[frozenset[str], ...]:
         """The inputs that the expression of each coefficient reads."""
-        return tuple(frozenset(program.arrays) for program in self.programs)
+        needed = (self._trace.needed([own.number]) for own in self._slots(self.terms).values())
+        return tuple(frozenset(one.array for k in own if (one := self._trace.nodes[k].source)) for own in needed)
 
 
 def stacked(values: Sequence[Any], shape: tuple[int, ...]) -> Array:

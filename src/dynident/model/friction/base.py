@@ -52,6 +52,17 @@ class Motion:
     temperature: Array | None = None
     state: Array | None = None
 
+    @cached_property
+    def runs(self) -> list[tuple[list[float], IntArray, Array, Array]]:
+        """Of each drive from reversal to reversal: ways between, samples, signs (r,); way of each sample since (N,)."""
+        found = []
+        for q in np.ascontiguousarray(self.q.T):
+            starts = np.concatenate([[0], np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1])
+            turns, samples = q[starts], np.diff(starts, append=len(q))
+            side = np.where(np.diff(turns, append=q[-1]) >= 0, 1.0, -1.0)
+            found.append((np.diff(turns).tolist(), samples, side, np.abs(q - np.repeat(turns, samples))))
+        return found
+
     def at_motors(self, coupling: Array) -> Motion:
         """Return the motion of the motors: positions, velocities and accelerations times C', torques times C^-1."""
         torque = None if self.torque is None else np.linalg.solve(coupling.T, self.torque.T).T

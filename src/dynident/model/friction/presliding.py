@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -73,7 +73,14 @@ class Presliding(Friction):
         return z, *[at.dq - abs(at.dq) * z] * self.damping
 
     def update(self, at: Inputs) -> tuple[Number, ...]:
-        return (self._moved(at.state[0], at.moved, (larger, smaller, power)),)
+        z, way, length, shape = at.state[0], at.moved, self.length, self.shape
+        if shape == 1.0:
+            return (smaller(larger(z + way, -length), length),)
+        left = 1.0 - z / length  # to where it slips; then the same the other way, and one of the two ways is none
+        for moved in (larger(way, 0.0), -smaller(way, 0.0)):
+            rest = power(larger(left, 0.0), shape) - shape / length * moved
+            left = 2.0 - power(larger(rest, 0.0), 1.0 / shape)
+        return (length * (1.0 - left),)
 
     def terms_without_memory(self, at: Inputs) -> tuple[Number, ...]:
         return smooth_sign(at.dq, WIDTH), *[0.0] * self.damping
@@ -92,27 +99,22 @@ class Presliding(Friction):
         Between two reversals it is known in closed form: only these have to be gone through.
         """
         found = np.empty(motion.q.shape)
-        for drive, (q, start) in enumerate(zip(motion.q.T, first.tolist(), strict=True)):
-            starts = np.concatenate([[0], np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1])
-            bent = list(accumulate(np.diff(q[starts]).tolist(), self._moved, initial=start))
-            samples, forth = np.diff(starts, append=len(q)), np.diff(q[starts], append=q[-1]) >= 0
-            side, way = np.where(forth, 1.0, -1.0), np.abs(q - np.repeat(q[starts], samples))
+        for z, (moves, samples, side, way), start in zip(found.T, motion.runs, first.tolist(), strict=True):
+            bent = side * list(accumulate(moves, self._moved, initial=start))
             if self.shape == 1.0:
-                moved = np.minimum(np.repeat(side * bent, samples) + way, self.length)
+                moved = np.minimum(np.repeat(bent, samples) + way, self.length)
             else:  # to where it slips
-                left = np.maximum(1.0 - side * bent / self.length, 0.0) ** self.shape
-                rest = np.maximum(np.repeat(left, samples) - self.shape / self.length * way, 0.0)
-                moved = self.length * (1.0 - rest ** (1.0 / self.shape))
-            found[:, drive] = np.repeat(side, samples) * moved
+                left = np.maximum(1.0 - bent / self.length, 0.0) ** self.shape
+                rest = np.repeat(left, samples) - self.shape / self.length * way
+                moved, holds = np.full(len(way), self.length), np.flatnonzero(rest > 0.0)
+                moved[holds] = self.length * (1.0 - rest[holds] ** (1.0 / self.shape))
+            z[:] = np.repeat(side, samples) * moved
         return found
 
-    def _moved(self, z: Any, way: Any, of: tuple[Any, ...] = (max, min, pow)) -> Any:
-        """Return the deflection after a way without a reversal, by functions of the kind of number."""
-        (larger_of, smaller_of, power_of), length, shape = of, self.length, self.shape
+    def _moved(self, z: float, way: float) -> float:
+        """Return the deflection after a way without a reversal."""
+        side, length, shape = 1.0 if way >= 0 else -1.0, self.length, self.shape
         if shape == 1.0:
-            return smaller_of(larger_of(z + way, -length), length)
-        left = 1.0 - z / length  # to where it slips; then the same the other way, and one of the two ways is none
-        for moved in (larger_of(way, 0.0), -smaller_of(way, 0.0)):
-            rest = power_of(larger_of(left, 0.0), shape) - shape / length * moved
-            left = 2.0 - power_of(larger_of(rest, 0.0), 1.0 / shape)
-        return length * (1.0 - left)
+            return side * min(side * z + abs(way), length)
+        rest = max(1.0 - side * z / length, 0.0) ** shape - shape / length * abs(way)
+        return side * length * (1.0 - max(rest, 0.0) ** (1.0 / shape))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -257,7 +258,7 @@ class TracedProgram:
     nodes: tuple[Node, ...]
     outputs: Mapping[int, int]
 
-    @property
+    @cached_property
     def operations(self) -> int:
         """Number of arithmetic operations of one sample; a sine and its cosine count as two."""
         return sum(node.operation not in ("input", "const") for node in self.nodes)

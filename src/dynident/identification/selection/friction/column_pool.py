@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -24,9 +24,9 @@ from dynident.identification.problem.problem import counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.nested_fits import NestedFits, fit
-from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction.base import Coefficient, Friction, Inputs, Motion, Number, State
+from dynident.model.friction import Friction
 from dynident.model.robot import Robot
 
 #: Rows in a period of the filter's cut-off that are compared, and bytes that rows of friction columns may take between
@@ -41,35 +41,11 @@ PIECE = 1 << 16
 FASTEST = 0.8
 
 
-@dataclass(frozen=True)
-class PartCandidate(Friction):
-    """A friction part under a label of its own, so that several of a kind can stand side by side."""
+class SideBySide(DynamicModel):
+    """Friction parts that are compared: several may be of a kind, with coefficients of one name."""
 
-    part: Friction
-    label: str
-
-    @cached_property
-    def coefficients(self) -> tuple[Coefficient, ...]:  # type: ignore[override]
-        """Those of the part, with symbols of their own."""
-        each = (tuple(getattr(c, f.name) for f in fields(c)) for c in self.part.coefficients)
-        return tuple(Coefficient(f"{symbol} {self.label}", *rest) for symbol, *rest in each)
-
-    @property
-    def states(self) -> tuple[State, ...]:
-        """Those of the part."""
-        return self.part.states
-
-    def terms(self, at: Inputs) -> tuple[Number, ...]:
-        """Return those of the part."""
-        return self.part.terms(at)
-
-    def update(self, at: Inputs) -> tuple[Number, ...]:
-        """Return that of the part."""
-        return self.part.update(at)
-
-    def states_along(self, motion: Motion, step: float, first: Array | None = None) -> Array:
-        """Return those of the part, by its own loop."""
-        return self.part.states_along(motion, step, first)
+    def _check_names(self) -> None:
+        pass
 
 
 @dataclass(frozen=True)
@@ -105,12 +81,17 @@ class ColumnPool:
     views: tuple[IntArray, ...]
     bodies: Array
 
-    def weighted(self, weights: Array, fast: bool = False) -> Array:
+    @cached_property
+    def totals(self) -> tuple[Array, ...]:
+        """The products of each joint in all blocks, shape (1, k_i, k_i)."""
+        return tuple(each.sum(axis=0, keepdims=True) for each in self.products)
+
+    def weighted(self, weights: Array, products: Sequence[Array] | None = None) -> Array:
         """Return the products of each block over all joints, their rows times the weights (n,): (B, c + 1, c + 1).
 
-        Of ``fast`` rows alone the products are those of one block.
+        Of ``fast`` rows alone, or in total, they are those of one block.
         """
-        products = self.fast if fast else self.products
+        products = self.products if products is None else products
         found = np.zeros((len(products[0]), self.size, self.size))
         for weight, own, each in zip(weights, self.places, products, strict=True):
             found[:, own[:, None], own] += weight**2 * each
@@ -139,12 +120,15 @@ class ColumnPool:
 
     def weights(self, sets: Sequence[Sequence[int]], passes: int = 4) -> Array:
         """Return the weight of each joint's rows by its own residual in a fit of all blocks, shape (n,)."""
-        keep, first, rows = self.chosen(sets), self.views[0], np.maximum(self.rows.sum(axis=0), 1)
-        every, last = np.append(keep, first[-1]), first[-1]
-        total = np.zeros((len(self.places), self.size, self.size))
-        for whole, own, each in zip(total, self.places, self.products, strict=True):
-            whole[own[:, None], own] = each.sum(axis=0)
-        measured, total = total[:, last, last], total[:, every[:, None], every]
+        keep, rows = self.chosen(sets), np.maximum(self.rows.sum(axis=0), 1)
+        among = np.full(self.size, -1)
+        among[np.append(keep, self.views[0][-1])] = np.arange(len(keep) + 1)
+        total = np.zeros((len(self.places), len(keep) + 1, len(keep) + 1))
+        for whole, own, (each,) in zip(total, self.places, self.totals, strict=True):
+            there = np.flatnonzero(among[own] >= 0)
+            at = among[own[there]]
+            whole[at[:, None], at] = each[there[:, None], there]
+        measured = total[:, -1, -1]
         weights, own = np.ones(len(total)), np.arange(len(keep))
         for _ in range(passes):
             beta = fit(np.tensordot(weights**2, total, 1), own)
@@ -186,6 +170,7 @@ class PooledLogs:
         self._rigid = self._shared.bodies.base
         self._start = None if load is None else self._rigid.from_standard(load)
         self._places = self._shared.places(logs)
+        self._moving = [np.flatnonzero(row).tolist() for row in np.asarray(model.robot.coupling).T]
         speeds = [np.abs(np.asarray(log.log.dq)[log.keep]) for log in logs]
         limits = np.quantile(np.concatenate(speeds), FASTEST, axis=0)
         total, self._logs = sum(len(log.keep) for log in logs), list[_PooledLog]()
@@ -225,9 +210,9 @@ class PooledLogs:
         places = [
             (
                 np.concatenate([own, [rigid.count] * later, behind]).astype(np.int64),
-                np.concatenate([behind[:0], *(each[j] for each in columns for j in np.flatnonzero(row))]),
+                np.concatenate([behind[:0], *(each[j] for each in columns for j in moving)]),
             )
-            for own, row in zip(self._shared.bodies.columns, np.asarray(self._robot.coupling).T, strict=True)
+            for own, moving in zip(self._shared.bodies.columns, self._moving, strict=True)
         ]
         made, stated = self._rows_of(parts), [joint.drive.reflected_inertia > 0 for joint in self._robot.active]
         signs = [rigid.parameters[k].nonnegative for k in rigid.independent] + [False] * later
@@ -257,30 +242,28 @@ class PooledLogs:
         """Return the rows of each part in each log; those of earlier pools stay as long as all take little."""
         asked, made = [replace(part, choose=None, vary=None) for part in parts], self._shared.friction
         if missing := [part for part in dict.fromkeys(asked) if part not in made]:
-            whole = _labelled(self._robot, missing)
-            stream, places = self._stream(whole), [np.concatenate(own) for own in _by_drive(whole)]
-            columns = [own - self._rigid.count for own in stream.columns]
-            split = [[np.flatnonzero(np.isin(each, own)) for each in columns] for own in places]
+            stream = self._stream(whole := SideBySide(self._robot, missing))
+            part_of = np.repeat(np.arange(len(missing)), [len(own.coefficients) for own in missing])[whole.terms[1]]
+            rows_of = [part_of[own - self._rigid.count] for own in stream.columns]
+            split = [[np.flatnonzero(each == p) for each in rows_of] for p in range(len(missing))]
             made |= {part: [] for part in missing}
             for log in self._shared.plain:
                 blocks = stream.rows(log)
                 for part, each in zip(missing, split, strict=True):
                     made[part].append([block[own] for block, own in zip(blocks, each, strict=True)])
-            size = sum(one.nbytes for own in made.values() for log in own for one in log)
+            self._shared.size += sum(one.nbytes for part in missing for log in made[part] for one in log)
             for part in list(itertools.filterfalse(set(asked).__contains__, made)):
-                if size > KEPT:
-                    size -= sum(one.nbytes for log in made.pop(part) for one in log)
+                if self._shared.size > KEPT:
+                    self._shared.size -= sum(one.nbytes for log in made.pop(part) for one in log)
         logs = [zip(made[part], self._places, strict=True) for part in asked]
         return [[[rows[:, place] for rows in own] for own, place in each] for each in logs]
 
     def _stream(self, whole: DynamicModel) -> RegressorStream:
         """Return what makes the rows of the friction of a model."""
-        rigid = self._rigid
-        independent = np.concatenate([rigid.independent, np.arange(whole.inertial_count, len(whole.parameters))])
-        unused = np.zeros((count := len(independent), len(whole.parameters)))
-        known = (independent.astype(np.int64), unused, unused.astype(bool), np.ones(count))
-        base = BaseParameters(whole.parameters, *known)
-        start = None if self._start is None else np.append(self._start, np.zeros(count - rigid.count))
+        count = len(whole.terms[0])
+        independent = np.append(self._rigid.independent, whole.inertial_count + np.arange(count))
+        start = None if self._start is None else np.append(self._start, np.zeros(count))
+        base = replace(self._rigid, independent=independent)  # columns are made by their places alone
         return RegressorStream(whole, base, start, only="friction")
 
 
@@ -291,13 +274,13 @@ class SharedRows:
 
     Attributes:
         plain: The logs as they came.
-        friction: Their rows of friction parts, as choices have left them.
+        friction: Their rows of friction parts, as choices have left them, of ``size`` bytes.
     """
 
     def __init__(self, robot: Robot, plain: Sequence[Prepared]) -> None:
         bare = DynamicModel(robot)
         self.bodies, self.plain = RegressorStream(bare, base_parameters(bare)), tuple(plain)
-        self.friction: dict[Friction, list[FrictionRows]] = {}
+        self.friction, self.size = dict[Friction, list[FrictionRows]](), 0
         self._load: Array | None = None
 
     @cached_property
@@ -329,21 +312,6 @@ class SharedRows:
         return self._load
 
 
-def _labelled(robot: Robot, parts: Sequence[Friction]) -> DynamicModel:
-    """Return a model that has all the parts, several of which may be of a kind."""
-    return DynamicModel(robot, [PartCandidate(part, str(k), joints=part.joints) for k, part in enumerate(parts)])
-
-
-def _by_drive(model: DynamicModel) -> list[list[IntArray]]:
-    """Return the places among all friction coefficients of those of part p at drive j: ``[p][j]``."""
-    drive, column = model.terms
-    starts = np.cumsum([0, *(len(part.coefficients) for part in model.friction)])
-    return [
-        [np.flatnonzero((drive == j) & (column >= first) & (column < last)) for j in range(model.robot.dof)]
-        for first, last in itertools.pairwise(starts)
-    ]
-
-
 @dataclass(frozen=True)
 class _PooledLog:
     """A log with the rows that every pool has.
@@ -365,25 +333,23 @@ class _PooledLog:
         """Rows of each joint in each block, shape (B, n)."""
         return np.stack([np.sum((self.block == b)[:, None] & self.mask, axis=0) for b in range(self.block.max() + 1)])
 
-    @cached_property
-    def _pieces(self) -> list[tuple[int, slice]]:
-        """Rows that follow each other, and their block."""
-        runs = [np.flatnonzero(self.block == b) for b in range(len(self.rows))]
-        ends = [[*run[::PIECE].tolist(), int(run[-1]) + 1] if len(run) else [] for run in runs]
-        return [(b, slice(*pair)) for b, own in enumerate(ends) for pair in itertools.pairwise(own)]
-
     def add(self, friction: Sequence[FrictionRows], products: Sequence[Array], fast: Sequence[Array]) -> None:
         """Add the products of each block at each joint (B, k_i, k_i), and those of the fastest rows (1, k_i, k_i).
 
         ``friction`` are the rows of each friction part.
         """
-        for b, piece in self._pieces:
+        for piece in (slice(start, start + PIECE) for start in range(0, len(self.block), PIECE)):
+            block, counted = self.block[piece], self.mask[piece]
+            ends = np.flatnonzero(np.diff(block, prepend=-1, append=-1)).tolist()
+            quickest = counted & self.fast[piece] & (block >= 0)[:, None]
             for i, (found, quick) in enumerate(zip(products, fast, strict=True)):
-                counted = self.mask[piece, i]
                 values = np.vstack([self.shared[i][:, piece], *(rows[i][:, piece] for rows in friction)])
-                values *= counted
-                found[b] += values @ values.T
-                own = values[:, counted & self.fast[piece, i]]
+                values *= counted[:, i]
+                for first, stop in itertools.pairwise(ends):
+                    if block[first] >= 0:
+                        own = values[:, first:stop]
+                        found[block[first]] += own @ own.T
+                own = values[:, quickest[:, i]]
                 quick[0] += own @ own.T
 
 

@@ -48,19 +48,21 @@ def finer_values(
     (low, high), limits = np.log(spans).T, np.log(most)
     at = best = np.log([float(getattr(model.friction[own[0]], name)) for own, name in fields])
     least, slope, deviations, weights = np.inf, 0.0, np.full(len(at), np.inf), None
-    for _ in range(turns):
-        now, sides = model, list[Friction]()
+    for left in reversed(range(turns)):
+        now, sides, free = model, list[Friction](), fields if left else ()  # no step follows the last loss
         for value, (own, name) in zip(at.tolist(), fields, strict=True):
             now = with_values(now, own, {name: float(np.exp(value))})
-        for value, (own, name) in zip(at.tolist(), fields, strict=True):
+        for value, (own, name) in zip(at.tolist(), free, strict=False):
             for by in (value - APART / 2, value + APART / 2):
                 sides += [replace(now.friction[p], **{name: float(np.exp(by))}) for p in own]
         pool = pooled.pool([*now.friction, *sides])
         sets = by_drive(model, now.friction, range(len(now.friction)))
         weights = pool.weights(sets) if weights is None else weights
-        wholes, keep = pool.by_delay(pool.weighted(weights).sum(axis=0)), pool.chosen(sets)
-        loss, step, covariance = min((_step(whole, pool, keep, fields) for whole in wholes), key=lambda found: found[0])
-        if loss < least:
+        wholes, keep = pool.by_delay(pool.weighted(weights, pool.totals)[0]), pool.chosen(sets)
+        loss, step, covariance = min((_step(whole, pool, keep, free) for whole in wholes), key=lambda found: found[0])
+        if not left:
+            best = at if loss < least else best
+        elif loss < least:
             least, best = loss, at
             deviations = np.sqrt(np.diag(covariance) * loss / max(float(pool.rows.sum()), 1.0))
             curves, ends = np.linalg.inv(covariance), (np.maximum(low - at, -limits), np.minimum(high - at, limits))

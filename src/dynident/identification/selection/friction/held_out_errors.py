@@ -45,12 +45,11 @@ class WeighedRows:
 
     def __init__(self, pool: ColumnPool, weights: Array) -> None:
         self.pool, self.weights, self.rows = pool, weights, pool.rows.sum(axis=1)
-        self.held = pool.by_delay(pool.weighted(weights))
-        self.wholes = [held.sum(axis=0) for held in self.held]
+        self._products = pool.weighted(weights)
+        self.wholes = pool.by_delay(self._products.sum(axis=0))
         known = np.append(np.arange(len(pool.bodies) - 1), -1)
         self.bodies = np.zeros_like(self.wholes[0])
         self.bodies[known[:, None], known] = pool.bodies
-        self._blocks: dict[int, NestedFits] = {}
 
     @cached_property
     def all(self) -> list[NestedFits]:
@@ -60,15 +59,15 @@ class WeighedRows:
     @cached_property
     def fast(self) -> list[tuple[Array, Array]]:
         """Products of all rows but the fastest, and of these, for each delay."""
-        fast = self.pool.by_delay(self.pool.weighted(self.weights, fast=True)[0])
+        fast = self.pool.by_delay(self.pool.weighted(self.weights, self.pool.fast)[0])
         return [(without(whole, each), each) for whole, each in zip(self.wholes, fast, strict=True)]
 
-    def blocks(self, view: int) -> NestedFits:
-        """Return the fits that leave out one block each, judged on it, with one of the delays."""
-        if view not in self._blocks:
-            rest = without(self.wholes[view], self.held[view])
-            self._blocks[view] = NestedFits(rest + self.bodies, self.held[view], self.pool.shared)
-        return self._blocks[view]
+    def blocks(self, view: int, columns: IntArray) -> NestedFits:
+        """Return the fits of some columns that leave out one block each, judged on it, with one of the delays."""
+        own = np.append(columns, -1)
+        at, pick = self.pool.views[view][own], (own[:, None], own)
+        held = self._products[:, at[:, None], at]
+        return NestedFits(without(self.wholes[view][pick], held) + self.bodies[pick], held, self.pool.shared)
 
 
 @dataclass(frozen=True)
@@ -123,11 +122,19 @@ class HeldOut:
             found.append(min(each, key=lambda one: one[0]))
         return found
 
+    @cached_property
+    def _held(self) -> list[tuple[NestedFits, IntArray]]:
+        """Of each list the fits that leave out one block each, and its places among their columns."""
+        views = {view for _, view, _ in self.best}
+        own = {v: np.unique(np.concatenate([keep for _, view, keep in self.best if view == v])) for v in views}
+        fits = {view: self.weighed.blocks(view, columns) for view, columns in own.items()}
+        return [(fits[view], np.searchsorted(own[view], keep)) for _, view, keep in self.best]
+
     def errors(self, fastest: bool = True) -> list[Array]:
         """Return the logarithms of the held-out errors of each: of the blocks, and of the fastest rows, (B + 1,)."""
         weighed = self.weighed
         rows, count = np.maximum(weighed.rows, 1), max(int(weighed.pool.fast_rows.sum()), 1)
-        found = [weighed.blocks(view).losses(keep) / rows for _, view, keep in self.best]
+        found = [fits.losses(places) / rows for fits, places in self._held]
         if fastest:
             for k, (_, view, keep) in enumerate(self.best):
                 beta = weighed.all[view].residual(keep)[0, :-1]
@@ -137,8 +144,8 @@ class HeldOut:
     def by_joint(self) -> list[Array]:
         """Return the held-out squared residuals of each, unweighted, of the blocks and joints, (B, n)."""
         pool, found = self.weighed.pool, []
-        for _, view, keep in self.best:
-            mixed = self.weighed.blocks(view).residual(keep)
+        for (_, view, keep), (fits, places) in zip(self.best, self._held, strict=True):
+            mixed = fits.residual(places)
             every = np.zeros((len(mixed), pool.size))
             every[:, pool.views[view][np.append(keep, -1)]] = mixed
             pairs = [(every[:, own], each) for own, each in zip(pool.places, pool.products, strict=True)]

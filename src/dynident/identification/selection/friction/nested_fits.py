@@ -31,9 +31,8 @@ class NestedFits:
         np.einsum("bkk->bk", normal)[:] += ridge[:, :shared]
         self.shared, self._scale, self._ridge = shared, scale[:, shared:], ridge[:, shared:]
         self._along = along = np.linalg.solve(normal, cross / first) / first
-        self._normal = learned[:, shared:, shared:] - cross.transpose(0, 2, 1) @ along
         taken = judged[:, :shared, :shared] @ along - 2.0 * judged[:, :shared, shared:]
-        self._left = judged[:, shared:, shared:] + along.transpose(0, 2, 1) @ taken
+        self._learned, self._judged = (learned[:, shared:, shared:], -cross), (judged[:, shared:, shared:], taken)
 
     def coefficients(self, keep: IntArray) -> Array:
         """Return the coefficients of the columns ``keep`` (k,) behind the shared ones, shape (B, k - shared)."""
@@ -47,16 +46,21 @@ class NestedFits:
     def losses(self, keep: IntArray) -> Array:
         """Return the sum of squared residuals of each block by the columns ``keep`` (k,), shape (B,)."""
         mixed, every = self._mixed(keep)
-        return np.sum(mixed * (self._left[:, every[:, None], every] @ mixed[:, :, None])[:, :, 0], axis=1)
+        return np.sum(mixed * (self._reduced(*self._judged, every) @ mixed[:, :, None])[:, :, 0], axis=1)
+
+    def _reduced(self, products: Array, cross: Array, every: IntArray) -> Array:
+        """Return the products of columns behind the shared ones with these taken out, by what that takes (B, s, c)."""
+        return products[:, every[:, None], every] + self._along[:, :, every].transpose(0, 2, 1) @ cross[:, :, every]
 
     def _mixed(self, keep: IntArray) -> tuple[Array, IntArray]:
         """Return coefficients and -1 for the torque, (B, k - shared + 1), and their columns behind the shared ones."""
         own = keep[self.shared :] - self.shared
-        scale = self._scale[:, own]
-        normal = self._normal[:, own[:, None], own] / (scale[:, :, None] * scale[:, None])
+        scale, every = self._scale[:, own], np.append(own, -1)
+        left = self._reduced(*self._learned, every)
+        normal = left[:, :-1, :-1] / (scale[:, :, None] * scale[:, None])
         np.einsum("bkk->bk", normal)[:] += self._ridge[:, own]
-        found = np.linalg.solve(normal, (self._normal[:, own, -1] / scale)[:, :, None])[:, :, 0] / scale
-        return np.append(found, np.full((len(found), 1), -1.0), axis=1), np.append(own, -1)
+        found = np.linalg.solve(normal, (left[:, :-1, -1] / scale)[:, :, None])[:, :, 0] / scale
+        return np.append(found, np.full((len(found), 1), -1.0), axis=1), every
 
 
 def without(whole: Array, part: Array) -> Array:
@@ -72,9 +76,11 @@ def without(whole: Array, part: Array) -> Array:
 
 def fit(products: Array, keep: IntArray) -> Array:
     """Return the least-squares coefficients of the columns ``keep`` from inner products (c + 1, c + 1)."""
-    every = np.append(keep, -1)
-    own = products[None, every[:, None], every]
-    return NestedFits(own, own, 0).coefficients(np.arange(len(keep)))[0]
+    normal, size = products[keep[:, None], keep], np.sqrt(products[keep, keep])
+    scale = np.where(size > 0, size, 1.0)
+    normal /= np.outer(scale, scale)
+    np.einsum("kk->k", normal)[:] += RIDGE + (size == 0)
+    return np.linalg.solve(normal, products[keep, -1] / scale) / scale
 
 
 def beyond(beta: Array, slow: Array, fast: Array, keep: IntArray, shared: int) -> float:
