@@ -93,17 +93,14 @@ def _delays(delays: Sequence[DelayRecord]) -> Table:
         Column("log"),
         Column("delay", "ms", numeric=True),
         Column("std", "ms", numeric=True),
-        Column("applied"),
+        Column("applied", "ms", numeric=True),
     )
     rows = tuple(
-        (
-            label(each.log),
-            *format_value(1e3 * each.seconds, 1e3 * each.std),
-            "yes" if each.applied else "no",
-        )
+        (label(each.log), *format_value(1e3 * each.seconds, 1e3 * each.std), f"{1e3 * each.applied:.3g}")
         for each in delays
     )
-    note = "A delay within two standard deviations of zero is not applied. Other logs are taken to have the mean."
+    note = "A delay within two standard deviations of zero is not applied. Beside friction with a memory it lies "
+    note += "between none and that found without it. Other logs are taken to have the mean that is applied."
     return Table(columns, rows, note)
 
 
