@@ -169,3 +169,17 @@ def test_zeros_of_neighbours_that_trade_against_each_other_are_found(tmp_path: P
     for joint in servos.one(seed, 6, tmp_path)["joints"]:  # pyright: ignore
         zero = joint.get("angle_offset")
         assert zero is None or abs(zero["value"] - zero["true"]) < min(zero["half"], most), zero
+
+
+@pytest.mark.battery
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_stiction_is_no_saturation(tmp_path: Path) -> None:
+    """Nothing is known of the gain, no duty is near its limit, and friction m1 lacks the stiction of the drives.
+
+    A slew limit that a joint is found with when it is sought again is none that the motions before are by.
+    """
+    random = np.random.default_rng([11, 3, 36])
+    arm = drawn_arm(random, 3, servos.LAW, tmp_path)
+    servos.add_stiction(random, arm.true)
+    servos.add_slew_limits(random, arm.true)
+    assert servos.gain_labels(arm.robot, servos.slow_logs(arm, 30.0)) == ["not separable"] * 3

@@ -184,8 +184,9 @@ class Arm:
 
     @property
     def moved_by(self) -> Array:
-        """Free parameters that the motions are by, shape (P,)."""
-        return np.concatenate([used[one.places] for (one, _), used in zip(self.pairs(), self.used, strict=True)])
+        """Free parameters that the motions are by, shape (P,); those found where they are by none."""
+        used = np.concatenate([used[one.places] for (one, _), used in zip(self.pairs(), self.used, strict=True)])
+        return np.where(np.isfinite(used), used, self.fitted)
 
     @property
     def reach(self) -> Array:
@@ -227,9 +228,9 @@ class Arm:
 
     def after(self, step: Array) -> list[JointFit]:
         """Return the fits after a step of all free parameters, shape (P,), within their bounds."""
-        fits = []
-        for (one, fit), used, ends in zip(self.pairs(), self.used, pairwise(self.firsts), strict=True):
-            values = np.clip(used[one.places] + step[slice(*ends)], *one.bounds())
+        fits, found = [], self.moved_by + step
+        for (one, fit), ends in zip(self.pairs(), pairwise(self.firsts), strict=True):
+            values = np.clip(found[slice(*ends)], *one.bounds())
             fits.append(replace(fit, parameters=one.full(values, fit.parameters)))
         return fits
 

@@ -175,15 +175,18 @@ def first_fit(data: JointData, friction: str, effort: RefineEffort, progress: Ca
     fit, error = _fit_at(data, ratio, friction, effort)
     if ratio == 1.0:
         return fit
-    plain, without = _fit_at(data, 1.0, friction, effort)  # a linear start that is far off may look saturated
-    return fit if error < (1.0 - SEPARATES) * without else plain
+    # a linear start that is far off may look saturated, and so may stiction
+    (plain, without), (_, sticking) = (_fit_at(data, 1.0, friction, effort, own) for own in ("m1", "m2"))
+    return fit if error < (1.0 - SEPARATES) * min(without, sticking) else plain
 
 
-def _fit_at(data: JointData, ratio: float, friction: str, effort: RefineEffort) -> tuple[JointFit, float]:
-    """Return the fit with m1 at a multiple of the gain of the law, and the mean error of its roll-outs in rad."""
+def _fit_at(
+    data: JointData, ratio: float, friction: str, effort: RefineEffort, refined_by: str = "m1"
+) -> tuple[JointFit, float]:
+    """Return the fit at a multiple of the gain of the law, and the mean error of its roll-outs in rad."""
     data = at_ratio(data, ratio)
     scanned = linear_start(data.rows, data.train, data.law, FRICTION_MODELS["m3" if friction == AUTO else friction])
-    fit = _refined(data, "m1", scanned, ratio, effort)
+    fit = _refined(data, refined_by, scanned, ratio, effort)
     return fit, float(mean_errors(data.train, fit.parameters).mean())
 
 
