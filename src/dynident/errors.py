@@ -110,6 +110,17 @@ class BadArgument(BadOption):
         DynidentError.__init__(self, f"{argument}: {evidence}; {step}")
 
 
+def check_kind(argument: str, value: object, kind: type, line: str) -> None:
+    """Refuse an argument of another class with the line that works.
+
+    Raises:
+        BadArgument: It is of another one.
+    """
+    if not isinstance(value, kind):
+        what = f"the text '{value}'" if isinstance(value, str) else f"a {type(value).__name__}"
+        raise BadArgument(argument, f"{what} where a {kind.__name__} is wanted", f"write {line}")
+
+
 def _stated(option: str, value: object) -> str:
     if value is None:
         return f"{option} is not given"

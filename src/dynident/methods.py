@@ -6,13 +6,34 @@ text of a value in an interactive session is here too: one line, whatever the va
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from typing import Any
+
+from dynident.errors import BadOption
 
 
 def verb(place: str, name: str) -> Any:
     """Return a function of the package by its module below ``dynident`` and its name."""
     return getattr(import_module(f"dynident.{place}"), name)
+
+
+def check_held(joints: Iterable[Any], positions: Mapping[str, float]) -> None:
+    """Refuse a position of a joint that is beyond its limits by more than their distance: degrees or mm, not rad or m.
+
+    Args:
+        joints: The joints.
+        positions: Where some are locked, by name, in rad or m.
+
+    Raises:
+        BadOption: There is one; 0 passes, which may mean that the position is not known.
+    """
+    for joint in joints:
+        at, low, high = positions.get(joint.name, 0.0), joint.limits.lower, joint.limits.upper
+        if at and not 2 * low - high <= at <= 2 * high - low:
+            unit, other = ("rad", "degrees") if joint.kind == "revolute" else ("m", "mm")
+            step = f"give {unit}, not {other}; the limits of '{joint.name}' are {low:.4g} to {high:.4g} {unit}"
+            raise BadOption("locked", {joint.name: at}, step)
 
 
 class EstimateMethods:

@@ -168,6 +168,9 @@ class Family(Generic[Part]):
         if not isinstance(choice, str):
             if options:
                 raise TypeError(f"{choice!r} has its options already; {', '.join(options)} would be lost")
+            if isinstance(choice, tuple | list | Mapping):
+                step = "write a name, or a part made with its options: FRICTION.make('coulomb', {'width': 0.02})"
+                raise BadOption(self.noun, choice, step)
             return choice
         part = self.get(choice)
         known = {option.name: option for option in self.options(choice)}

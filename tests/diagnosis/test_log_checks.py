@@ -644,3 +644,11 @@ def test_the_last_digit_of_a_joint_at_rest_is_told_once(trial: Trial, tmp_path: 
     q[:, 1] = trial.columns["q"][:, 1]
     q[500, 1] += 1.0  # a joint that moves has its spike told
     assert ("spikes", joint) in [(one.name, one.joint) for one in trial.with_columns(q=q).examined(tmp_path).findings]
+
+
+@pytest.mark.parametrize(("back", "told"), [(86400.0, "starts again at midnight"), (80000.0, "the clock was set back")])
+def test_a_time_of_day_that_starts_again_is_midnight(trial: Trial, tmp_path: Path, back: float, told: str) -> None:
+    time = trial.columns["t"] + 86395.0
+    found = trial.with_columns(t=np.where(np.arange(len(time)) < len(time) // 2, time, time - back)).examined(tmp_path)
+    (finding,) = [one for one in found.findings if one.name == "time runs back"]
+    assert told in finding.remedy

@@ -249,6 +249,9 @@ def _checked(found: Mapping[str, Any], robot: Robot | None) -> Log:
     if getattr(found["q"], "ndim", 0) == 3:
         step = f"pass a list of logs, one an episode: {_list_of_logs(found, time)}"
         raise BadArgument("q", f"shape {np.shape(found['q'])}, several episodes in one array", step)
+    if time.ndim == 0:
+        step = f"give one time a sample in s; where it is the rate: np.arange(len(q)) / {float(time):g}"
+        raise BadArgument("time", f"the number {float(time):g} where (N,) is wanted", step)
     if time.ndim != 1:
         raise BadArgument("time", f"shape {time.shape} where (N,) is wanted", "write time.ravel(), one time a sample")
     back = np.flatnonzero(np.diff(time) <= 0)
@@ -291,8 +294,27 @@ def _forward(time: Array, names: Sequence[str]) -> str:
     return f"pass a list of logs, one for each of the {back + 1} recordings: {cuts}, then {logs}"
 
 
+def _by_joints(name: str, values: Any, robot: Robot | None) -> Any:
+    """Return the columns of a frame in the order of the joints whose names they have; other values as they are.
+
+    Raises:
+        BadArgument: Columns with the names of some of the joints.
+    """
+    if robot is None or not isinstance(values, DataFrameLike):
+        return values
+    labels, joints = [str(label) for label in values.columns], robot.joint_names
+    for called in (list(joints), [f"{name}_{joint}" for joint in joints]):
+        if set(called) <= set(labels):
+            return values[called]
+        if some := [label for label in called if label in labels]:
+            evidence = f"a frame with the columns {', '.join(labels[:12])}, of which {', '.join(some)} are joints"
+            step = f"name the columns of all joints: {', '.join(called)}; or give {name}.to_numpy() in that order"
+            raise BadArgument(name, evidence, step)
+    return values
+
+
 def _rows(name: str, values: Any, rows: int, robot: Robot | None) -> Array:
-    array = plain_numbers(name, values)
+    array = plain_numbers(name, _by_joints(name, values, robot))
     if array.ndim == 1 and (robot is None or robot.dof == 1):
         array = array[:, None]
     n = str(robot.dof) if robot else "n"

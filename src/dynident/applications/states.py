@@ -92,9 +92,12 @@ def plain_numbers(name: str, values: Any) -> Array:
         raise BadArgument(name, "complex numbers", f"give their real part: np.real({name})")
     try:
         array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RuntimeError) as error:
         evidence = f"{type(values).__name__} that is no array of numbers"
-        raise BadArgument(name, evidence, f"give rows of equal length: np.asarray({name}, dtype=float)") from None
+        step = f"give rows of equal length: np.asarray({name}, dtype=float)"
+        if hasattr(values, "__array__") and not isinstance(values, np.ndarray) and not hasattr(values, "columns"):
+            step = f"its own message: {error}"  # of a tensor that is not in the memory of the computer
+        raise BadArgument(name, evidence, step) from None
     for bad, what in ((hidden, "masked"), (~np.isfinite(array), "not finite")):
         if bad.any():
             row = int(np.argmax(bad.reshape(len(bad), -1).any(axis=1))) if bad.ndim else 0

@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
+from dynident.errors import check_kind
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.parameters import Parameter
@@ -143,6 +144,7 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
         inertial_only: Leave out friction, offset and rotor inertia: the count the literature states for an arm.
         seed: Seed of the random states.
     """
+    check_kind("model", model, DynamicModel, 'di.base_parameters(di.DynamicModel(robot, ["coulomb", "viscous"]))')
     samples = max(40, 4 * len(model.parameters) // max(model.robot.dof, 1))
     regressor = _balanced(model, _states(model, samples, seed))
     size = model.inertial_count if inertial_only else regressor.shape[-1]
@@ -154,8 +156,7 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     scaled = np.where(live, triangle / unit, 0.0)
     rank, after = _rank(scaled[:, live])
     neglected = max(after, sizes[~live].max(initial=0.0))
-    order = [k for k in _preference(model, size) if live[k]]
-    chosen = _independent(scaled, order, rank)
+    chosen = _independent(scaled, [k for k in _preference(model, size) if live[k]], rank)
     matrix = np.zeros((rank, size))
     matrix[:, live] = _express(scaled[:, chosen], scaled[:, live]) / unit[chosen, None] * unit[live]
     largest = norms[chosen, None] * np.abs(matrix) / np.where(live, norms, np.inf)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array, IntArray, frozen
-from dynident.errors import BadOption, UnknownChoice
+from dynident.errors import BadOption, check_kind
 from dynident.methods import ModelMethods
 from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.kernels import batched
@@ -44,12 +44,10 @@ class DynamicModel(ModelMethods):
         def __init__(self, robot: Robot, friction: str | Sequence[Friction | str] = ()) -> None: ...
 
     def __post_init__(self) -> None:
+        check_kind("robot", self.robot, Robot, 'di.DynamicModel(di.robot_of("arm.urdf"), ["coulomb", "viscous"])')
         parts = (self.friction,) if isinstance(self.friction, str) else self.friction
         object.__setattr__(self, "friction", tuple(FRICTION.make(part) for part in parts))
-        names = self.robot.joint_names
-        for name in (name for part in self.friction for name in part.joints or ()):
-            if name not in names:
-                raise UnknownChoice("joint", name, names)
+        self.robot.check_names(name for part in self.friction for name in part.joints or ())
         self._check_names()
 
     def _check_names(self) -> None:

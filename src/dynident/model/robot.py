@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, UnknownChoice
-from dynident.methods import ShortText
+from dynident.methods import ShortText, check_held
 from dynident.model.chain import PRISMATIC, REVOLUTE, Chain
 from dynident.model.inertia import Inertia, impossible_parts, skew
 from dynident.model.shapes import Shape
@@ -291,10 +291,9 @@ class Robot(ShortText):
 
     def with_drives(self, drives: Mapping[str, Drive], coupling: npt.ArrayLike | None = None) -> Robot:
         """Return the robot with other drives by joint name, and another coupling matrix if one is given."""
-        self._check_names(drives)
+        self.check_names(drives)
         joints = tuple(replace(j, drive=drives.get(j.name, j.drive)) for j in self.joints)
-        matrix = self.coupling if coupling is None else np.asarray(coupling, dtype=float)
-        return replace(self, joints=joints, coupling=matrix)
+        return replace(self, joints=joints, coupling=self.coupling if coupling is None else np.asarray(coupling, float))
 
     def locked(self, positions: Mapping[str, float]) -> Robot:
         """Return the robot with some joints fixed at the given positions, their links merged into their parents.
@@ -308,7 +307,8 @@ class Robot(ShortText):
             UnknownChoice: No such joint.
             BadOption: All joints locked, or one whose motor turns with a free joint.
         """
-        self._check_names(positions)
+        self.check_names(positions)
+        check_held(self.active, positions)
         followers = {
             joint.name: joint.mimic.multiplier * positions[joint.mimic.joint] + joint.mimic.offset
             for joint in self.joints
@@ -325,10 +325,10 @@ class Robot(ShortText):
                 raise BadOption("locked", held, step)
         return _merge(self, {**positions, **followers}, coupling[np.ix_(keep, keep)])
 
-    def _check_names(self, names: Mapping[str, object]) -> None:
-        for name in names:
-            if name not in self.joint_names:
-                raise UnknownChoice("joint", name, self.joint_names)
+    def check_names(self, names: Iterable[str]) -> None:
+        """Refuse a name that no joint which moves on its own has, by UnknownChoice."""
+        for name in (name for name in names if name not in self.joint_names):
+            raise UnknownChoice("joint", name, self.joint_names)
 
 
 def rotation_about(axis: npt.ArrayLike, angle: float) -> Array:

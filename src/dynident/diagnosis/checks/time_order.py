@@ -13,6 +13,9 @@ from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.repair import repeated_rows
 
+#: A day in s, and how near a step back is to one where times of day start again.
+_DAY, _NEAR = 86400.0, 60.0
+
 
 @dataclass(frozen=True)
 class TimeOrder(Check):
@@ -43,9 +46,10 @@ class TimeOrder(Check):
                 remedy = f"sort the rows ('{subject.fix}' writes them sorted)"
                 found.append(Finding("error", "rows out of order", "", evidence, remedy, numbers))
             else:
-                remedy = (
-                    "split the file there into separate logs: the clock was set back, or logs were joined in one file"
-                )
+                why = "the clock was set back, or logs were joined in one file"
+                if np.all(np.abs(np.diff(time)[back] + _DAY) < _NEAR):
+                    why = "the time of day starts again at midnight; dates beside the times keep it one log"
+                remedy = f"split the file there into separate logs: {why}"
                 explains = ("spikes", "gap in time")
                 found.append(Finding("error", "time runs back", "", evidence, remedy, numbers, explains))
         same = np.flatnonzero(np.diff(time) == 0)

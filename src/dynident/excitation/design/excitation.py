@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array
-from dynident.errors import BadOption, InfeasibleTrajectory
+from dynident.errors import BadOption, InfeasibleTrajectory, check_kind
 from dynident.excitation.criteria import CRITERIA, Criterion
 from dynident.excitation.design.checkpoint import DesignCheckpoint, problem_facts
 from dynident.excitation.design.design_problem import DesignProblem
@@ -221,6 +221,9 @@ def _settings(problem: DesignProblem) -> dict[str, Any]:
 
 
 def _check_options(model: DynamicModel, limits: MotionLimits | None, search: SearchOptions) -> None:
+    check_kind("model", model, DynamicModel, 'di.DynamicModel(robot, ["coulomb", "viscous"]), or di.excite(robot)')
+    if limits is not None:
+        check_kind("limits", limits, MotionLimits, "limits=di.limits_of(robot, margin=0.1)")
     if search.starts < 1:
         raise BadOption("starts", search.starts, "give 1 or more")
     if not 0 < search.time_limit:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dynident.arrays import Array, frozen
-from dynident.errors import BadOption
+from dynident.errors import BadOption, check_kind
 from dynident.excitation.collision.tool_speed import ToolPoint
 from dynident.excitation.design.distances import Distances, least_distances
 from dynident.excitation.trajectories.base import Trajectory
@@ -181,6 +181,7 @@ def limits_of(robot: Robot, margin: float = 0.05, torque_margin: float = 0.2) ->
         BadOption: A margin outside 0..1, a joint without a speed limit or with a limit of 0, a sliding joint with no
             ends, or a follower that leaves its leader no range.
     """
+    check_kind("robot", robot, Robot, 'di.limits_of(di.robot_of("arm.urdf"))')
     for name, value in (("margin", margin), ("torque_margin", torque_margin)):
         if not 0 <= value < 1:
             raise BadOption(name, value, "give a share from 0 to less than 1")
