@@ -17,24 +17,29 @@ pd = pytest.importorskip("pandas")
 TIME = np.arange(40) / 100.0
 Q = np.column_stack([0.3 * np.sin(3 * TIME), 0.2 * np.cos(2 * TIME)])
 
+TEXT: Any = "x.urdf"
+LIMITS: Any = {"velocity": 1}
+PAIR: Any = ("coulomb", {"width": 0.1})
+MAPPING: Any = {"coulomb": {"width": 0.1}}
+
 
 @pytest.mark.parametrize(
     ("call", "told"),
     [
-        (lambda arm: di.DynamicModel("x.urdf", ["coulomb"]), "robot: the text 'x.urdf' where a Robot is wanted"),
+        (lambda arm: di.DynamicModel(TEXT, ["coulomb"]), "robot: the text 'x.urdf' where a Robot is wanted"),
         (
             di.base_parameters,
             "model: a Robot where a DynamicModel is wanted; write di.base_parameters",
         ),
-        (lambda arm: di.limits_of("x.urdf"), "where a Robot is wanted; write di.limits_of"),
+        (lambda arm: di.limits_of(TEXT), "where a Robot is wanted; write di.limits_of"),
         (di.design_excitation, "model: a Robot where a DynamicModel is wanted"),
-        (lambda arm: di.excite(arm, limits={"velocity": 1}), "limits: a dict where a MotionLimits is wanted"),
+        (lambda arm: di.excite(arm, limits=LIMITS), "limits: a dict where a MotionLimits is wanted"),
         (
-            lambda arm: di.DynamicModel(arm, [("coulomb", {"width": 0.1})]),
+            lambda arm: di.DynamicModel(arm, [PAIR]),
             r"FRICTION.make\('coulomb', {'width': 0.02}\)",
         ),
         (
-            lambda arm: di.DynamicModel(arm, [{"coulomb": {"width": 0.1}}]),
+            lambda arm: di.DynamicModel(arm, [MAPPING]),
             r"FRICTION.make\('coulomb', {'width': 0.02}\)",
         ),
         (lambda arm: di.log_of({"time": 250, "q": Q}, arm), r"the number 250 .*np.arange\(len\(q\)\) / 250$"),
