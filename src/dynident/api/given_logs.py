@@ -67,7 +67,8 @@ def log_of(data: LogLike, robot: RobotLike | None = None) -> Log:
 
     Args:
         data: Arrays ``time`` (N,), ``q`` (N, n), ``torque`` or ``current`` (N, n), and ``dq``, ``ddq``,
-            ``temperature``, ``q_ref``, ``dq_ref`` where they are measured, in SI units; or a frame with columns
+            ``temperature``, ``q_ref``, ``dq_ref`` where they are measured, in SI units (a frame among them is read by
+            the names of the joints where its columns have them); or a frame with columns
             ``time``, ``q1``, ..., ``torque1``, ..., or ``q_NAME``, ``torque_NAME`` by the names of the joints.
         robot: The robot, as :func:`robot_of` takes it: its joints, in its order; None for joint1, joint2, ...
 
