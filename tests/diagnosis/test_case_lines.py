@@ -17,7 +17,7 @@ from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.case_lines import with_case_line
 from dynident.diagnosis.finding import Finding, Severity
 from dynident.model.friction import FRICTION, default_friction
-from dynident.model.robot import Robot
+from dynident.model.robot import Drive, Robot
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +68,12 @@ def test_a_vertical_slide_that_counts_the_other_way_is_told(scara: Robot, tmp_pa
         tau = right.columns["tau"].copy()
         tau[:, 2] -= share * weight
         assert not [one for one in right.with_columns(tau=tau).examined(tmp_path).findings if one.severity == "error"]
+    drives = {scara.joint_names[2]: Drive(bias=1.7 * weight)}
+    stated = replace(right, case=replace(case, robot=scara.with_drives(drives)))
+    tau[:, 2] = right.columns["tau"][:, 2] - 1.7 * weight  # as the case says
+    assert not [one for one in stated.with_columns(tau=tau).examined(tmp_path).findings if one.severity == "error"]
+    unstated = right.with_columns(tau=tau).examined(tmp_path)
+    assert [one.name for one in unstated.findings if one.severity == "error"] == ["axis sign"]
     faulty = put.turned(right, ("q", "dq", "tau"), 2)
     (error,) = [one for one in faulty.examined(tmp_path).findings if one.severity == "error"]
     assert (error.name, error.joint) == ("axis sign", scara.joint_names[2])

@@ -68,9 +68,8 @@ def _limits(subject: CheckedLog) -> list[Finding]:
             names.append(joint.name)
             beyond.append(f"{joint.name} {low:.4g} to {high:.4g} (limits {lower:.4g} to {upper:.4g})")
             far = max(far, away)
-    units = dict.fromkeys(degrees if degrees and not _counts_turns(subject) else (), "deg") | dict.fromkeys(
-        millimetres, "mm"
-    )
+    turned = degrees if degrees and not _counts_turns(subject) else ()
+    units = dict.fromkeys(turned, "deg") | dict.fromkeys(millimetres, "mm")
     found = [_in_unit(subject, word, units) for word in dict.fromkeys(units.values())]
     if found or not beyond:
         return found
@@ -83,7 +82,7 @@ def _usual(joint: Joint) -> float:
     widest = max(abs(joint.limits.lower), abs(joint.limits.upper))
     if np.isfinite(widest):
         return 3 * max(widest, 1.0)
-    return LARGEST_TURN if joint.kind == "revolute" else LARGEST_SLIDE
+    return LARGEST_TURN if joint.kind == "revolute" else 10.0 * LARGEST_SLIDE  # rails of ten metres and more are built
 
 
 def _in_unit(subject: CheckedLog, word: str, units: Mapping[str, str]) -> Finding:
@@ -94,7 +93,7 @@ def _in_unit(subject: CheckedLog, word: str, units: Mapping[str, str]) -> Findin
     evidence = (
         f"positions up to {largest:.4g} rad exceed the limits of a few rad; read as degrees they keep the limits"
         if word == "deg"
-        else f"positions up to {largest:.4g} m exceed the limits; read as millimetres they keep them"
+        else f"positions up to {largest:.4g} m are no travel of a slide; read as millimetres they keep its limits"
     )
     columns, kinds = subject.raw.columns, {joint.name: own[joint.kind] for joint in robot.active}
     stated = zip(columns.joints, columns.units.of("position", len(columns.joints)), strict=True)

@@ -122,8 +122,8 @@ def _lifted(fit: QuickFit) -> list[Finding]:
     bodies = np.array(theta)
     bodies[fit.model.inertial_count :] = 0.0
     motion = motion_of(fit.rows.prepared.kept)
-    none = np.zeros_like(motion.q)
-    weight = fit.model.torque(Motion(motion.q, none, none), bodies)
+    still = Motion(motion.q, np.zeros_like(motion.q), np.zeros_like(motion.q))
+    weight = fit.model.torque(still, bodies) - fit.model.known_torque(still)
     moved = fit.model.torque(motion, bodies) - weight
     found = []
     for k, joint in enumerate(fit.model.robot.active):
