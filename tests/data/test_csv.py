@@ -22,6 +22,7 @@ from dynident.data.formats import (
     write_log,
     written_columns,
 )
+from dynident.data.formats._live_table import live_rows
 from dynident.data.formats.csv import Csv
 from dynident.data.log import Log
 from dynident.errors import BadOption, DynidentError, FileError, LogFormatError, LogMismatch, UnknownChoice
@@ -551,6 +552,23 @@ def test_the_word_above_time_stamps_is_no_unit(tmp_path, cell):
     if cell != "-":
         with pytest.raises(LogFormatError, match="remove it and put them into the names"):  # seconds have a unit
             read_log(saved(tmp_path, [table()[0], f"{cell},deg,rad,N m,A", *table()[1:]]), ColumnMap())
+
+
+def test_units_in_the_names_are_not_put_there_again(tmp_path):
+    _, *rows = table()
+    path = saved(tmp_path, ["t [s],q1 (deg),q2,tau1,tau2", "s,deg,deg,N m,N m", *rows])
+    assert read_header(path) == ("t [s]", "q1 (deg)", "q2 [deg]", "tau1 [N m]", "tau2 [N m]")
+
+
+@pytest.mark.parametrize("tab", ["", "\t"])
+def test_rows_that_come_one_at_a_time_are_those_of_a_file(tmp_path, tab):
+    lines = [line + tab for line in stamped_table((f"10:00:{k / 8:06.3f}" for k in range(ROWS)), separator=",")]
+    lines = [line.replace(",", "\t") for line in lines]
+    logs = list(live_rows(lines, ColumnMap(joints=("joint1", "joint2"))))
+    np.testing.assert_allclose(np.concatenate([log.time for log in logs]), 36000.0 + np.arange(ROWS) / 8)
+    np.testing.assert_array_equal(np.concatenate([np.hstack([log.q, log.torque]) for log in logs]), COLUMNS)
+    with pytest.raises(BadOption, match="leave it out: t holds time stamps"):
+        list(live_rows(lines, ColumnMap(joints=("joint1", "joint2"), units=Units(time="ms"))))
 
 
 def test_a_second_row_of_other_words_is_no_row_of_units(tmp_path):

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from benchmarks.faults import injections as put
@@ -97,6 +98,55 @@ def test_the_units_of_the_case_are_counted_anew(planar_2r: Robot) -> None:
     assert "check the column; " in scaled and "torque: [0.5 percent, -permille]" in scaled
     one_turned = with_case_line(finding("position sign", names[1]), columns, planar_2r).remedy
     assert "position: [rad, -rad]" in one_turned and "velocity" not in one_turned  # no velocities are read
+
+
+def test_zeros_turn_with_the_signs_and_motors_have_no_line(coupled_arm: Robot, planar_2r: Robot) -> None:
+    names = planar_2r.joint_names
+    columns = ColumnMap(joints=names, q=("a", "b"), torque=("c", "d"), zero=(0.3, -0.2))
+    remedy = with_case_line(finding("position sign", names[1]), columns, planar_2r).remedy
+    assert "position: [rad, -rad]}; log: zero: [0.3, 0.2]" in remedy
+    assert "zero" not in with_case_line(finding("torque sign", names[1]), columns, planar_2r).remedy
+    motors = ColumnMap(joints=coupled_arm.joint_names, q=("a", "b", "c"), torque=("d", "e", "f"), motor=("q", "torque"))
+    for name in ("torque sign", "position sign"):
+        one = finding(name, coupled_arm.joint_names[0])
+        assert with_case_line(one, motors, coupled_arm) is one
+
+
+def test_units_are_stated_for_all_joints_of_a_kind_with_their_signs(scara: Robot, planar_2r: Robot) -> None:
+    columns = ColumnMap(
+        joints=scara.joint_names, q=tuple("abcd"), dq=tuple("efgh"), torque=(),
+        units=Units(position=("rad", "-rad", "-m", "0.1 deg")),
+    )  # fmt: skip
+    names = scara.joint_names
+    degrees = with_case_line(finding("positions in degrees", names[0]), columns, scara)
+    assert degrees.remedy == "state the unit in the case file (log: units: {position: [deg, -deg, -m, deg]})"
+    slides = with_case_line(finding("positions in millimetres", names[2]), columns, scara)
+    assert "{position: [rad, -rad, -mm, 0.1 deg]}" in slides.remedy
+    speeds = with_case_line(finding("velocity unit", names[2], ratio=1001.0), columns, scara)
+    assert "{velocity: [rad/s, rad/s, mm/s, rad/s]}" in speeds.remedy
+    plain = ColumnMap(joints=planar_2r.joint_names, q=("a", "b"), torque=("c", "d"))
+    assert (
+        "{velocity: deg/s}"
+        in with_case_line(finding("velocity unit", planar_2r.joint_names[0], ratio=57.3), plain, planar_2r).remedy
+    )
+
+
+def test_a_slide_that_only_lowers_has_no_axis_sign(scara: Robot, tmp_path: Path) -> None:
+    """Its friction is no other than a weight; nor does a slide of twelve metres count in millimetres."""
+    friction = tuple(FRICTION.make(name) for name in default_friction())
+    joints = tuple(replace(one, friction=25.0) if one.kind == "prismatic" else one for one in scara.joints)
+    robot = replace(scara, joints=joints)
+    case = Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+    right = virtual(case, rate=50.0)
+    t, q, tau = (right.columns[name].copy() for name in ("t", "q", "tau"))
+    q[:, 2] = -0.02 * t + 1e-3 * np.sin(2.0 * t)
+    tau[:, 2] = -25.0 + 1.6 * 9.81
+    lowered = right.with_columns(q=q, tau=tau).without("dq").examined(tmp_path)
+    assert "axis sign" not in [one.name for one in lowered.findings]
+    q[:, 2] = 6.0 * np.sin(0.3 * t)
+    assert "positions in millimetres" not in [
+        one.name for one in right.with_columns(q=q).without("dq").examined(tmp_path).findings
+    ]
 
 
 def test_currents_have_their_gains_turned_and_doubts_have_no_line(planar_2r: Robot) -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from dynident.data.formats._units import counted_unit
-from dynident.data.formats.base import QUANTITY, ColumnMap
+from dynident.data.formats._units import QUANTITY, UNITS, counted_unit
+from dynident.data.formats.base import ColumnMap
 from dynident.diagnosis.finding import Finding
 from dynident.model.robot import Robot
 
@@ -18,36 +18,69 @@ _SI = {
     "torque": ("N m", "N"),
 }
 
+#: Velocity over the derivative of the position between that of degrees and that of millimetres.
+TURNED = 200.0
+
 
 def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot) -> Finding:
-    """Return a finding whose remedy has the line of the case file, where signs or scales of columns are at fault.
+    """Return a finding whose remedy has the line of the case file, where units, signs or scales are at fault.
 
     Args:
         finding: The finding.
         columns: The columns of the log, resolved.
         robot: The robot of the case.
     """
+    if (stated := _stated(finding)) is not None:
+        signal, unit = stated
+        line = f"log: units: {{{QUANTITY[signal]}: {_in_unit(signal, unit, columns, robot)}}}"
+        return replace(finding, remedy=f"state the unit in the case file ({line})")
+    line = _turned(finding, columns, robot)
+    if not line:
+        return finding
+    remedy = {
+        "axis sign": f"{finding.remedy}; the signs turned: {line}",
+        "position sign": f"turn its sign, {line}, or the axis",
+        "torque sign": f"turn the sign in the case file ({line})",
+    }.get(finding.name, f"{finding.remedy}; where the columns have another scale, state it ({line})")
+    return replace(finding, remedy=remedy)
+
+
+def _turned(finding: Finding, columns: ColumnMap, robot: Robot) -> str:
+    """Return the line that turns signs or scales back; empty where the finding or the columns do not tell it."""
     factors = _factors(finding)
-    if not factors or not set(factors) <= set(columns.joints):
-        return finding
-    if finding.name == "position sign":
-        lines = [_units(signal, columns, robot, factors) for signal in ("q", "dq", "ddq") if getattr(columns, signal)]
-        return replace(finding, remedy=f"turn its sign, log: units: {{{', '.join(lines)}}}, or the axis")
-    if finding.name == "axis sign":
-        lines = [_units(signal, columns, robot, factors) for signal in ("q", "dq", "ddq") if getattr(columns, signal)]
-        lines += [_units("torque", columns, robot, factors)] if columns.torque else []
-        gains = "" if columns.torque else _gains(robot, factors)
-        line = f"log: units: {{{', '.join(lines)}}}" + f"; drives: {{{gains}}}" * bool(gains)
-        return replace(finding, remedy=f"{finding.remedy}; the signs turned: {line}")
-    if columns.torque and not (robot.is_coupled and "torque" in columns.motor):
-        line = f"log: units: {{{_units('torque', columns, robot, factors)}}}"
-    elif gains := _gains(robot, factors):
-        line = f"drives: {{{gains}}}"
-    else:
-        return finding
-    if finding.name == "torque sign":
-        return replace(finding, remedy=f"turn the sign in the case file ({line})")
-    return replace(finding, remedy=f"{finding.remedy}; where the columns have another scale, state it ({line})")
+    moved = ("q", "dq", "ddq")
+    turned = {"position sign": moved, "axis sign": (*moved, "torque")}.get(finding.name, ("torque",))
+    of_motors = robot.is_coupled and not {*turned}.isdisjoint(columns.motor)
+    if not factors or not set(factors) <= set(columns.joints) or of_motors:
+        return ""
+    units = [_counts(signal, columns, robot, factors) for signal in turned if getattr(columns, signal)]
+    lines = [f"log: units: {{{', '.join(units)}}}"] if units else []
+    if columns.zero and "q" in turned:
+        pairs = zip(columns.joints, columns.zero, strict=True)
+        lines.append(f"log: zero: [{', '.join(f'{zero * factors.get(name, 1.0):.6g}' for name, zero in pairs)}]")
+    if "torque" in turned and not columns.torque:
+        gains = _gains(robot, factors)
+        if not gains:
+            return ""
+        lines.append(f"drives: {{{gains}}}")
+    return "; ".join(lines)
+
+
+def _stated(finding: Finding) -> tuple[str, str] | None:
+    """Return the signal and the unit that a finding tells of it; None where it tells none."""
+    if finding.name == "velocity unit":
+        return "dq", "mm/s" if finding.numbers["ratio"] > TURNED else "deg/s"
+    words = {"positions in degrees": "deg", "positions in millimetres": "mm", "positions in radians": "rad"}
+    return ("q", words[finding.name]) if finding.name in words else None
+
+
+def _in_unit(signal: str, unit: str, columns: ColumnMap, robot: Robot) -> str:
+    """Return the units of a signal where it is in a unit at all joints that may have it; signs that are stated stay."""
+    kind, plain = UNITS[QUANTITY[signal]][unit][1], []
+    for name, count, own in _own_units(signal, columns, robot):
+        fits = any(joint.name == name and joint.kind == kind for joint in robot.active)
+        plain.append(_counted(-1.0 if count < 0.0 else 1.0, unit) if fits else _counted(count, own))
+    return plain[0] if len(set(plain)) == 1 else f"[{', '.join(plain)}]"
 
 
 def _factors(finding: Finding) -> dict[str, float]:
@@ -62,17 +95,21 @@ def _factors(finding: Finding) -> dict[str, float]:
     return {}
 
 
-def _units(signal: str, columns: ColumnMap, robot: Robot, factors: Mapping[str, float]) -> str:
+def _counts(signal: str, columns: ColumnMap, robot: Robot, factors: Mapping[str, float]) -> str:
     """Return the units of a signal, those of some joints counted anew, such as ``torque: [N m, -N m]``."""
+    own = _own_units(signal, columns, robot)
+    words = [_counted(count * factors.get(name, 1.0), unit) for name, count, unit in own]
+    return f"{QUANTITY[signal]}: [{', '.join(words)}]"
+
+
+def _own_units(signal: str, columns: ColumnMap, robot: Robot) -> Iterator[tuple[str, float, str]]:
+    """Yield the joint, the number and the unit of each column of a signal, ``SI`` spelled out."""
     quantity = QUANTITY[signal]
-    words = []
     for name, word in zip(columns.joints, columns.units.of(quantity, len(columns.joints)), strict=True):
         count, unit = counted_unit(word)
         if unit == "SI":
-            slides = any(joint.name == name and joint.kind == "prismatic" for joint in robot.active)
-            unit = _SI[quantity][slides]
-        words.append(_counted(count * factors.get(name, 1.0), unit))
-    return f"{quantity}: [{', '.join(words)}]"
+            unit = _SI[quantity][any(joint.name == name and joint.kind == "prismatic" for joint in robot.active)]
+        yield name, count, unit
 
 
 def _counted(count: float, unit: str) -> str:

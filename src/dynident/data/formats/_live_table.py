@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
+from dynident.data.formats._clocked_table import clocked
 from dynident.data.formats._table import Blocks, Checked, LogTable, names_of
 from dynident.data.formats._text_header import cells_of, delimiter_of
 from dynident.data.formats._text_table import TextTable, stamped
@@ -36,10 +37,10 @@ def live_rows(lines: Iterable[str], columns: ColumnMap) -> Iterator[Log]:
     texts = [header[1].removeprefix("\ufeff").strip(), first[1].strip()]
     sign = delimiter_of(texts, columns.decimal, None)
     names, cells = ([cell.strip() for cell in cells_of(text, sign)] for text in texts)
-    table = _LiveTable(
+    table = clocked(_LiveTable(
         path=NAME, sha256="", header=tuple(names), how="text", line=header[0], time_stamps=stamped(names, cells),
         delimiter=sign, decimal=columns.decimal, before=header[0], rest=chain((first,), told),
-    )  # fmt: skip
+    ), columns)  # fmt: skip
     chosen = columns.resolved(table.header, NAME, table.line)
     checked = Checked(table, chosen)
     for values in table.batches(names_of(chosen), 1):
@@ -56,5 +57,5 @@ class _LiveTable(TextTable):
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
         places = [self.header.index(name) for name in names]
         for row in self.rest:
-            yield self.careful(places, self.held((row,)))
+            yield self.careful(places, self.held(((row[0], row[1].strip()),)))
         return ()

@@ -80,7 +80,7 @@ def find_header(path: str | Path, decimal: str) -> TextLayout:
     units = _units(*(_names(line.text, layout.delimiter) for line in after[:2])) if len(after) > 1 else ()
     if not units or len(units) != len(layout.header):
         return layout
-    header = tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(layout.header, units, strict=True))
+    header = tuple(f"{n} [{u}]" if u and n[-1:] not in "])" else n for n, u in zip(layout.header, units, strict=True))
     note = f"{layout.note}, the units in line {after[0].number} put into the names"
     return replace(layout, header=header, before=after[0].number, note=note)
 

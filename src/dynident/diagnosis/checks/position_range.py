@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from dynident.case.evidence.positions import LARGEST_SLIDE, LARGEST_TURN, STILL, is_plausible, is_within, travel
+from dynident.data.formats._units import counted_unit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed
 from dynident.identification.problem.problem import rest_speeds
@@ -36,7 +37,9 @@ def _radians(subject: CheckedLog) -> list[Finding]:
     """Return whether positions declared as degrees are radians: no joint leaves a turn's worth of them, all move."""
     robot, q = subject.case.robot, subject.sound.log.q
     turning = [k for k, joint in enumerate(robot.active) if joint.kind == "revolute"]
-    if subject.raw.columns.units.position != "deg" or not turning:
+    columns = subject.raw.columns
+    words = dict(zip(columns.joints, columns.units.of("position", len(columns.joints)), strict=True))
+    if {counted_unit(words.get(robot.active[k].name, "SI"))[1] for k in turning} != {"deg"}:
         return []
     stated = np.rad2deg(q[:, turning])
     largest, farthest = float(np.abs(stated).max()), float(np.ptp(stated, axis=0).max())
@@ -62,15 +65,15 @@ def _limits(subject: CheckedLog) -> list[Finding]:
         away = max(lower - high, low - upper, lower - low, high - upper)
         turns = joint.kind == "revolute"
         one = np.pi / 180.0 if turns else 1e-3
-        if is_within(joint, one * low, one * high) and max(abs(low), abs(high)) > _usual(joint):
+        reach = max(abs(low), abs(high)) if turns else high - low  # the zero of a slide may be anywhere
+        if is_within(joint, one * low, one * high) and reach > _usual(joint):
             (degrees if turns else millimetres).append(joint.name)
         if not is_within(joint, low, high):
             names.append(joint.name)
             beyond.append(f"{joint.name} {low:.4g} to {high:.4g} (limits {lower:.4g} to {upper:.4g})")
             far = max(far, away)
-    turned = degrees if degrees and not _counts_turns(subject) else ()
-    units = dict.fromkeys(turned, "deg") | dict.fromkeys(millimetres, "mm")
-    found = [_in_unit(subject, word, units) for word in dict.fromkeys(units.values())]
+    found = [_in_unit(subject, "deg", degrees)] if degrees and not _counts_turns(subject) else []
+    found += [_in_unit(subject, "mm", millimetres)] if millimetres else []
     if found or not beyond:
         return found
     remedy = "check unit, zero, sign and order of the joints (log: units, columns)"
@@ -85,25 +88,19 @@ def _usual(joint: Joint) -> float:
     return LARGEST_TURN if joint.kind == "revolute" else 10.0 * LARGEST_SLIDE  # rails of ten metres and more are built
 
 
-def _in_unit(subject: CheckedLog, word: str, units: Mapping[str, str]) -> Finding:
-    """Return that positions of the joints with one of the units are in it, and the line that states all of them."""
-    robot, own = subject.case.robot, {"revolute": "rad", "prismatic": "m"}
-    places = [k for k, joint in enumerate(robot.active) if units.get(joint.name) == word]
+def _in_unit(subject: CheckedLog, word: str, joints: Sequence[str]) -> Finding:
+    """Return that positions are in a unit, by those of some joints."""
+    places = [k for k, joint in enumerate(subject.case.robot.active) if joint.name in joints]
     largest = float(np.abs(subject.sound.log.q[:, places]).max())
     evidence = (
         f"positions up to {largest:.4g} rad exceed the limits of a few rad; read as degrees they keep the limits"
         if word == "deg"
         else f"positions up to {largest:.4g} m are no travel of a slide; read as millimetres they keep its limits"
     )
-    columns, kinds = subject.raw.columns, {joint.name: own[joint.kind] for joint in robot.active}
-    stated = zip(columns.joints, columns.units.of("position", len(columns.joints)), strict=True)
-    words = [units.get(each, kinds.get(each, unit) if unit == "SI" else unit) for each, unit in stated]
-    text = word if set(words) <= {word} else f"[{', '.join(words)}]"
     name = "positions in degrees" if word == "deg" else "positions in millimetres"
-    joints = listed([robot.active[k].name for k in places])
     explains = ("joint limits", "velocity mismatch", "velocity unit")
-    remedy = f"state the unit in the case file (log: units: {{position: {text}}})"
-    return Finding("error", name, joints, evidence, remedy, {"largest": largest}, explains)
+    remedy = f"state the unit in the case file (log: units: {{position: {word}}})"
+    return Finding("error", name, listed(joints), evidence, remedy, {"largest": largest}, explains)
 
 
 def _counts_turns(subject: CheckedLog) -> bool:

@@ -27,6 +27,9 @@ FAR_OFF, SURE = 20.0, 0.9
 #: speed in m/s over which the sign of friction is smoothed.
 CONSTANT, HELD, SLOW = 0.05, 0.5, 0.002
 
+#: Share of the samples that a slide moves each way at least, for its weight to be told from its friction.
+BOTH_WAYS = 0.1
+
 
 @dataclass(frozen=True)
 class TorqueScale(Check):
@@ -131,6 +134,8 @@ def _lifted(fit: QuickFit) -> list[Finding]:
         if joint.kind != "prismatic" or not fit.moves[k] or not np.std(weight[:, k]) < CONSTANT * abs(mean):
             continue
         speed = motion.dq[:, k]
+        if min(np.mean(speed[mask] > SLOW), np.mean(speed[mask] < -SLOW)) < BOTH_WAYS:
+            continue  # friction of one way is no other than a weight
         columns = np.column_stack([np.ones(len(speed)), np.tanh(speed / SLOW), speed, motion.ddq[:, k], moved[:, k]])
         columns, target = columns[mask], (fit.rows.torque - fit.rows.known)[mask, k]
         held, *_ = np.linalg.lstsq(columns, target, rcond=None)[0]
