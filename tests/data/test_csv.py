@@ -556,8 +556,8 @@ def test_the_word_above_time_stamps_is_no_unit(tmp_path, cell):
 
 def test_units_in_the_names_are_not_put_there_again(tmp_path):
     _, *rows = table()
-    path = saved(tmp_path, ["t [s],q1 (deg),q2,tau1,tau2", "s,deg,deg,N m,N m", *rows])
-    assert read_header(path) == ("t [s]", "q1 (deg)", "q2 [deg]", "tau1 [N m]", "tau2 [N m]")
+    path = saved(tmp_path, ["t [s],q1 (deg),q(2),tau1 [N m],tau2", "s,deg,deg,N m,N m", *rows])
+    assert read_header(path) == ("t [s]", "q1 (deg)", "q(2) [deg]", "tau1 [N m]", "tau2 [N m]")
 
 
 @pytest.mark.parametrize("tab", ["", "\t"])

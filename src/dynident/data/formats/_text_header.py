@@ -22,11 +22,10 @@ NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infin
 #: A time that reads one way only: date and time by ISO 8601, or a time of day.
 _STAMP = re.compile(r"(?:\d{4}-\d\d-\d\d[T ])?\d?\d:\d\d:\d\d(?!\d|:)", re.ASCII)
 
-#: A cell of a row of units, blanks and points taken out.
-_UNIT = re.compile(
-    r"[\[(]?(?:s|sec|[mµu]s|ns|(?:rad|deg|grad|°|m?m)(?:/s(?:\^?2|²|/s)?|s(?:\^?-[12]))?|m?nm|n|m?[av]|%|‰|°?c|-|)[\])]?",
-    re.IGNORECASE,
-)
+#: Units; a cell of a row of units, blanks and points taken out; a name that ends in one.
+_WORDS = r"(?:s|sec|[mµu]s|ns|(?:rad|deg|grad|°|m?m)(?:/s(?:\^?2|²|/s)?|s(?:\^?-[12]))?|m?n ?m|n|m?[av]|%|‰|°?c)"
+_UNIT = re.compile(rf"[\[(]?(?:{_WORDS}|-|)[\])]?", re.IGNORECASE)
+_NAMED = re.compile(rf".*[\[(]{_WORDS}[\])]", re.IGNORECASE)
 
 _MAX_LINE = 1 << 20
 
@@ -80,7 +79,8 @@ def find_header(path: str | Path, decimal: str) -> TextLayout:
     units = _units(*(_names(line.text, layout.delimiter) for line in after[:2])) if len(after) > 1 else ()
     if not units or len(units) != len(layout.header):
         return layout
-    header = tuple(f"{n} [{u}]" if u and n[-1:] not in "])" else n for n, u in zip(layout.header, units, strict=True))
+    pairs = zip(layout.header, units, strict=True)
+    header = tuple(name if not unit or _NAMED.fullmatch(name) else f"{name} [{unit}]" for name, unit in pairs)
     note = f"{layout.note}, the units in line {after[0].number} put into the names"
     return replace(layout, header=header, before=after[0].number, note=note)
 
