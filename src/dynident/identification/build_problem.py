@@ -138,7 +138,7 @@ def _within_logs(
         needed = max((span.least_log for _, span in spans if span.is_duration), default=0.0)
         reason = "" if part == stated else "less than half a cycle in the logs"
         if stated.is_optional and lack_temperatures and "temperature" in stated.needs:
-            part, reason = None, "no temperatures in the logs"
+            part, reason = None, "no temperatures are read (log: columns: temperature)"
         elif stated.is_optional and longest < needed:
             part, reason = None, f"logs of {longest:.3g} s, {needed:.3g} s needed"
         if reason:
