@@ -122,8 +122,7 @@ def _lifted(fit: QuickFit) -> list[Finding]:
     theta = fit.model.nominal()
     if theta is None:
         return []
-    bodies = np.array(theta)
-    bodies[fit.model.inertial_count :] = 0.0
+    bodies = _without_friction(fit, theta)
     motion = motion_of(fit.rows.prepared.kept)
     still = Motion(motion.q, np.zeros_like(motion.q), np.zeros_like(motion.q))
     weight = fit.model.torque(still, bodies) - fit.model.known_torque(still)
@@ -138,15 +137,15 @@ def _lifted(fit: QuickFit) -> list[Finding]:
             continue  # friction of one way is no other than a weight
         columns = np.column_stack([np.ones(len(speed)), np.tanh(speed / SLOW), speed, motion.ddq[:, k], moved[:, k]])
         columns, target = columns[mask], (fit.rows.torque - fit.rows.known)[mask, k]
-        held, *_ = np.linalg.lstsq(columns, target, rcond=None)[0]
-        left = float(np.std(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]))
+        fitted = np.linalg.lstsq(columns, target, rcond=None)[0]
+        held, left = float(fitted[0]), float(np.std(target - columns @ fitted))
         if HELD * abs(mean) < -held * np.sign(mean) and left < abs(mean):
             evidence = f"it holds {held:.4g} N on average where the robot model's masses weigh {mean:.4g} N"
             remedy = (
                 "turn the signs of its position and torque if it counts the other way; check the direction of gravity, "
                 "and state a counterweight (drives: {JOINT: {bias: ...}})"
             )
-            numbers = {"held": float(held), "weight": mean}
+            numbers = {"held": held, "weight": mean}
             found.append(Finding("error", "axis sign", joint.name, evidence, remedy, numbers))
     return found
 
@@ -183,9 +182,7 @@ def against_known(fit: QuickFit, known: KnownBodies, mixing: Array | None) -> tu
 def against_nominal(fit: QuickFit, theta: Array, mixing: Array | None) -> tuple[float, float]:
     """Return scale and correlation of the bodies' torque, fitted to mixing @ torque, against the robot model's."""
     beta = fit.solve(fit.triangles.products, mixing).beta
-    bodies = np.array(theta)
-    bodies[fit.model.inertial_count :] = 0.0
-    nominal = fit.model.torque(motion_of(fit.rows.prepared.kept), bodies)
+    nominal = fit.model.torque(motion_of(fit.rows.prepared.kept), _without_friction(fit, theta))
     fitted = np.stack(
         [
             block[:, inertial] @ beta[own][inertial]
@@ -195,3 +192,8 @@ def against_nominal(fit: QuickFit, theta: Array, mixing: Array | None) -> tuple[
         axis=1,
     )
     return scale_against(nominal - nominal.mean(axis=0), fitted - fitted.mean(axis=0))
+
+
+def _without_friction(fit: QuickFit, theta: Array) -> Array:
+    """Return standard parameters (p,) of the bodies alone."""
+    return np.where(np.arange(len(theta)) < fit.model.inertial_count, theta, 0.0)
