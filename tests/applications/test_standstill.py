@@ -17,6 +17,7 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.validate import validate as core_validated
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
@@ -46,7 +47,7 @@ def test_the_interval_is_that_of_all_dry_friction(coupled_arm: Robot) -> None:
     half = (2.0 + 0.7 + 1.1 + 0.05 * np.abs(load)) @ np.abs(coupling)
     middle = gravity + np.full(dof, 0.3) @ coupling - coupled_arm.bias
     np.testing.assert_allclose(found.half, half, rtol=1e-4)
-    np.testing.assert_allclose(found.torque, middle, atol=1e-4)
+    np.testing.assert_allclose(found.middle, middle, atol=1e-4)
     none = held_torque(model, theta, motion, np.zeros(motion.q.shape, dtype=bool))
     np.testing.assert_array_equal(none.half, 0.0)
     np.testing.assert_array_equal(none.rests, False)
@@ -84,6 +85,15 @@ def test_samples_at_rest_are_counted_against_the_interval(
         assert second["inside"] == 0.0 and second["rms_beyond"] == pytest.approx(3.0 * 19.0, rel=0.02)
     else:
         assert second["inside"] == 1.0
+    free, own = core_validated(estimate, [log]), 3.0 * np.abs(share[:, 1])
+    assert found.moving == free.moving and found.joints[0].relative_error == pytest.approx(0.0, abs=1e-3)
+    assert free.joints[0].relative_error > 0.05  # against the middle
+    if beyond:
+        assert found.joints[1].rmse == pytest.approx(
+            float(np.sqrt(np.sum(np.maximum(own - 3.0, 0.0) ** 2) / 600)), rel=0.02
+        )
+    else:
+        assert found.total_relative_error < 1e-3 < free.total_relative_error
     assert found.figures()["at_rest"] == [first, second]
     assert set(first) == {"name", "unit", "samples", "half_width", "inside", "rms_beyond"}
     table = rest_table(found)
@@ -105,3 +115,21 @@ def test_a_prediction_at_rest_is_an_interval(planar_2r: Robot, exact_motion: Cal
     assert np.mean(np.abs(found.measured - found.torque)[rest] > 0.5) > 0.5  # type: ignore[operator]
     moving = predict_torque(estimate, log.rows(slice(0, 280), "the motion"))
     np.testing.assert_array_equal(moving.half_held, 0.0)
+
+
+def test_a_slow_reversal_carries_the_state_as_the_model_does(planar_2r: Robot) -> None:
+    model = DynamicModel(planar_2r, (Presliding(length=0.01),))
+    assert planar_2r.nominal is not None
+    theta = np.concatenate([planar_2r.nominal, np.full(planar_2r.dof, 2.0)])
+    time = np.arange(600) / 100.0
+    q, dq, ddq = (
+        np.tile(one[:, None], (1, 2))
+        for one in (0.03 * np.sin(0.6 * time), 0.018 * np.cos(0.6 * time), -0.0108 * np.sin(0.6 * time))
+    )
+    motion = model.with_states(Motion(q, dq, ddq), 0.01)
+    torque = model.torque(motion, theta)
+    estimate = replace(bare_estimate(model, theta), preprocessing=GIVEN)
+    found = predict_torque(estimate, Log(planar_2r.joint_names, time, q, dq, ddq, torque))
+    assert np.all(found.half_held > 0)  # slower than standstill throughout
+    assert found.measured is not None
+    np.testing.assert_allclose(found.torque, found.measured, atol=1e-9)

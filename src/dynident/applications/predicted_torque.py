@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dynident.applications.compensation import parameters_of
 from dynident.applications.standstill import held_along
 from dynident.applications.start_states import with_starts
 from dynident.arrays import Array
@@ -38,7 +39,7 @@ class PredictedTorque:
             of the positions of this log, shape (N, n).
         half_measured: Half the width of the 95 % band of the measured torque: covariance of the parameters, and the
             residual of the fit or the noise of the positions, the larger of both, shape (N, n).
-        half_held: Half the width of what static friction can hold where a drive rests, shape (N, n); both bands have
+        half_held: How far from the torque static friction can hold where a drive rests, shape (N, n); both bands have
             it.
         starts: States of friction that last for minutes, at the start of a log with torques, as these say.
     """
@@ -82,13 +83,15 @@ def predict_torque(estimate: Estimate, log: Log) -> PredictedTorque:
     noise = _noise_deviations(estimate, regressor, log, prepared, torque)
     parameters = torque_deviations(estimate, prepared)
     residual = np.maximum(noise, np.asarray(estimate.joint_deviations))
-    held = held_along(estimate, prepared)
+    held = held_along(estimate.model, parameters_of(estimate), prepared)
+    smooth = prepared.smooth(torque.T).T[prepared.keep]
+    reach = held.half + np.where(held.rests, np.abs(held.middle - smooth), 0.0)  # the whole interval, about the torque
     return PredictedTorque(
         prepared=prepared,
-        torque=held.torque if held.rests.any() else prepared.smooth(torque.T).T[prepared.keep],
-        half_model=Z_95 * np.hypot(parameters, noise) + held.half,
-        half_measured=Z_95 * np.hypot(parameters, residual) + held.half,
-        half_held=held.half,
+        torque=smooth,
+        half_model=Z_95 * np.hypot(parameters, noise) + reach,
+        half_measured=Z_95 * np.hypot(parameters, residual) + reach,
+        half_held=reach,
         starts=starts,
     )
 

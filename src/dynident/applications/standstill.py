@@ -18,7 +18,8 @@ from dynident.applications.compensation import parameters_of
 from dynident.arrays import Array, BoolArray
 from dynident.data.preprocessing import Prepared, at_rest
 from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.estimate.validation import Validation
+from dynident.identification.estimate.plausibility import Plausibility
+from dynident.identification.estimate.validation import Validation, fits_of
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import remembered_motion
 from dynident.model.dynamic_model import DynamicModel
@@ -33,14 +34,21 @@ class HeldTorque:
     """Torque where static friction holds.
 
     Attributes:
-        torque: Torque of the model; where drives rest, the middle of what it can be, shape (N, n), in N m or N.
+        torque: Torque of the model, friction with a memory at its states as anywhere, shape (N, n), in N m or N.
+        middle: Where drives rest the middle of what the torque can be, elsewhere the torque, shape (N, n).
         half: Half the width of the interval about it, shape (N, n); 0 where no drive of the joint rests.
         rests: Where a drive of the joint rests, shape (N, n).
     """
 
     torque: Array
+    middle: Array
     half: Array
     rests: BoolArray
+
+    def nearest(self, measured: Array) -> Array:
+        """Return the torque nearest to the measured one (N, n) that static friction can hold; in motion the model's."""
+        held = np.clip(measured, self.middle - self.half, self.middle + self.half)
+        return np.where(self.rests, held, self.torque)
 
 
 def held_torque(model: DynamicModel, theta: Array, motion: Motion, rests: BoolArray) -> HeldTorque:
@@ -60,8 +68,8 @@ def held_torque(model: DynamicModel, theta: Array, motion: Motion, rests: BoolAr
     )
     drives = np.where(rests, 0.5 * (forth + back), own)
     half = np.where(rests, 0.5 * np.abs(forth - back), 0.0) @ np.abs(coupling)
-    torque = model.torque(motion, theta) + (drives - own) @ coupling
-    return HeldTorque(torque, half, (rests @ (coupling != 0)) > 0)
+    torque = model.torque(motion, theta)
+    return HeldTorque(torque, torque + (drives - own) @ coupling, half, (rests @ (coupling != 0)) > 0)
 
 
 def _creeping(model: DynamicModel, motion: Motion, sign: float) -> tuple[DynamicModel, Motion]:
@@ -80,40 +88,70 @@ def _sharp(part: Friction) -> Friction:
     return replace(part, width=SHARP) if "width" in part.options else part  # type: ignore[call-arg]
 
 
-def held_along(estimate: Estimate, prepared: Prepared) -> HeldTorque:
-    """Return the torques along the kept rows of a log, filtered as the measured ones are."""
-    model, log = estimate.model, prepared.log
+def held_along(model: DynamicModel, theta: Array, prepared: Prepared) -> HeldTorque:
+    """Return the torques along the kept rows of a log, filtered as the measured ones are.
+
+    Args:
+        model: Robot, drives and friction.
+        theta: Standard parameters, shape (p,).
+        prepared: The log.
+    """
+    log = prepared.log
     motion = remembered_motion(model, log)
     speeds = motion.at_motors(np.asarray(model.robot.coupling)).dq
     rests = at_rest(speeds, rest_speeds(model.robot, prepared.how.standstill), log.rate)
-    found = held_torque(model, parameters_of(estimate), motion, rests)
-    torque, half = (prepared.smooth(one.T).T[prepared.keep] for one in (found.torque, found.half))
-    return HeldTorque(torque, np.maximum(half, 0.0), found.rests[prepared.keep])
+    found = held_torque(model, theta, motion, rests)
+    torque, middle, half = (prepared.smooth(one.T).T[prepared.keep] for one in (found.torque, found.middle, found.half))
+    return HeldTorque(torque, middle, np.maximum(half, 0.0), found.rests[prepared.keep])
 
 
 def with_rest(estimate: Estimate, found: Validation, logs: Sequence[Prepared]) -> Validation:
-    """Return a validation with what it makes of the samples at rest: how many lie in what static friction can hold.
+    """Return a validation whose errors over all rows count samples at rest against what static friction can hold.
 
-    The interval is wider by the 95 % band of the measured torque where that is known.
+    So do those of the nominal inertias and of the fit without bounds of bodies. Samples in motion are counted as they
+    were. Beside the errors stands how many samples at rest lie in the interval, wider by the 95 % band of the measured
+    torque where that is known.
 
     Args:
         estimate: The estimate.
         found: Its validation on the logs.
         logs: The logs as they were prepared for it.
     """
-    parts = [held_along(estimate, log) for log in logs]
-    torque, half, rests = (
-        np.concatenate([getattr(one, name) for one in parts]) for name in ("torque", "half", "rests")
-    )
+    held = _held(estimate, parameters_of(estimate), logs)
     widths = found.half_widths()
-    error, bound = found.measured - torque, half + (0.0 if widths is None else widths[1])
+    error, bound = found.measured - held.middle, held.half + (0.0 if widths is None else widths[1])
     table: list[dict[str, Any]] = []
     for i, fit in enumerate(found.joints):
-        own = rests[:, i]
+        own = held.rests[:, i]
         if own.any():
-            beyond = np.maximum(np.abs(error[own, i]) - half[own, i], 0.0)
+            distance, half = np.abs(error[own, i]), held.half[own, i]
             facts = {"name": fit.name, "unit": fit.unit, "samples": int(own.sum())}
-            facts |= {"half_width": float(np.sqrt(np.mean(half[own, i] ** 2)))}
-            facts |= {"inside": float(np.mean(np.abs(error[own, i]) <= bound[own, i]))}
-            table.append(facts | {"rms_beyond": float(np.sqrt(np.mean(beyond**2)))})
-    return replace(found, at_rest=tuple(table))
+            facts |= {"half_width": float(np.sqrt(np.mean(half**2)))}
+            facts |= {"inside": float(np.mean(distance <= bound[own, i]))}
+            table.append(facts | {"rms_beyond": float(np.sqrt(np.mean(np.maximum(distance - half, 0.0) ** 2)))})
+    nominal, free, bodies = found.nominal, found.free_bodies_error, Plausibility.of(estimate.run)
+    if nominal is not None and estimate.model.robot.nominal is not None:
+        theta = np.append(estimate.model.robot.nominal, list(nominal.friction.values()))
+        fitted = _counted(found, _held(estimate, theta, logs).nearest(found.measured))
+        errors = tuple(fit.relative_error for fit in fitted.joints)
+        nominal = replace(nominal, friction_fitted=fitted.total_relative_error, joints_friction_fitted=errors)
+    if free is not None and bodies is not None:
+        theta = estimate.base.to_standard(np.array(bodies.free_beta))
+        free = _counted(found, _held(estimate, theta, logs).nearest(found.measured)).total_relative_error
+    counted = _counted(found, np.where(held.rests, held.nearest(found.measured), found.predicted))
+    return replace(counted, at_rest=tuple(table), nominal=nominal, free_bodies_error=free)
+
+
+def _counted(found: Validation, nearest: Array) -> Validation:
+    """Return a validation with its errors over all rows against other torques of the model, shape (N, n)."""
+    names, units = zip(*((fit.name, fit.unit) for fit in found.joints), strict=True)
+    joints = fits_of(names, units, found.measured, found.unfiltered, nearest, np.ones(nearest.shape, dtype=bool))
+    total = float(np.linalg.norm(found.measured - nearest)), float(np.linalg.norm(found.measured))
+    return replace(found, joints=joints, total_relative_error=total[0] / total[1] if total[1] > 0 else np.nan)
+
+
+def _held(estimate: Estimate, theta: Array, logs: Sequence[Prepared]) -> HeldTorque:
+    """Return the torques at standard parameters (p,) along the kept rows of all logs."""
+    parts = [held_along(estimate.model, theta, log) for log in logs]
+    names = ("torque", "middle", "half", "rests")
+    return HeldTorque(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))

@@ -53,8 +53,8 @@ def torques_on_test_data(folder: Folder, name: str) -> dict[str, Any]:
     Raises:
         DynidentError: No such file, or no estimate.
     """
+    from dynident.api.validate import compared
     from dynident.identification.files.estimate_file import read_estimate
-    from dynident.identification.validate import validate
 
     path = folder.find(name)
     estimate = read_estimate(path)
@@ -67,7 +67,7 @@ def torques_on_test_data(folder: Folder, name: str) -> dict[str, Any]:
         logs, missing = (), f"The test logs cannot be read: {str(error).replace(f'{folder.path}/', '')}"
     if missing:
         return _none(missing)
-    found = validate(estimate, logs)
+    found = compared(estimate, logs)
     if not math.isclose(found.total_relative_error, stated["total_relative_error"], rel_tol=1e-6):
         return _none("The case or its logs are no longer those of the test.")
     return {**torques_of(estimate, found), "missing": ""}

@@ -229,8 +229,8 @@ def compare_torques(
     names = logs[0].joints
     lengths = [log.samples for log in logs]
     return Validation(
-        joints=_fits(names, units, measured, raw, predicted, np.ones_like(keep)),
-        moving=_fits(names, units, measured, raw, predicted, keep),
+        joints=fits_of(names, units, measured, raw, predicted, np.ones_like(keep)),
+        moving=fits_of(names, units, measured, raw, predicted, keep),
         total_relative_error=_ratio(np.linalg.norm(measured - predicted), np.linalg.norm(measured)),
         samples=sum(lengths),
         standstill=standstill,
@@ -250,9 +250,10 @@ def _ratio(part: Any, whole: Any) -> float:
     return float(part / whole) if whole > 0 else float("nan")
 
 
-def _fits(
+def fits_of(
     names: Sequence[str], units: Sequence[str], measured: Array, raw: Array, predicted: Array, keep: BoolArray
 ) -> tuple[Fit, ...]:
+    """Return the figures of each joint over the rows ``keep``, all arrays of shape (N, n)."""
     return tuple(
         _fit(name, unit, *[signal[keep[:, i], i] for signal in (measured, raw, predicted)])
         for i, (name, unit) in enumerate(zip(names, units, strict=True))
@@ -262,8 +263,7 @@ def _fits(
 def _fit(name: str, unit: str, measured: Array, raw: Array, predicted: Array) -> Fit:
     if not len(measured):
         return Fit(name, unit, 0, *[float("nan")] * 6)
-    error = measured - predicted
-    spread = float(np.linalg.norm(_centred(measured)) / np.sqrt(len(measured)))
+    error, spread = measured - predicted, float(np.linalg.norm(_centred(measured)) / np.sqrt(len(measured)))
     return Fit(
         name=name,
         unit=unit,
