@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.init_cases import CASES, SETS, drafted
-from dynident import identify, read_case, validate
+from benchmarks.init_cases import CASES, SETS, against_model, drafted
+from dynident import identify, read_case
 from dynident.arrays import Array, BoolArray
 from dynident.case.case import Case
 from dynident.data.log import Log
@@ -115,7 +115,7 @@ def main() -> None:
             whole = identify(draft.model, train, draft.estimator.name, draft.preprocessing)
 
         def error(estimate: Estimate, logs: list[Log] = test) -> float:
-            return validate(estimate, logs, None).total_relative_error
+            return against_model(estimate, logs, None).total_relative_error
 
         reduction = Reduction(build_problem(whole.model, train, whole.preprocessing))
         base, nominal = reduction.problem.base, whole.model.nominal()

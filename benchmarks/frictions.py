@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.init_cases import against_model
 from benchmarks.strangers import arms
 from benchmarks.strangers.plant import Body, cylinder, urdf
-from dynident import DynamicModel, FourierSeries, read_case, read_robot, validate
+from dynident import DynamicModel, FourierSeries, read_case, read_robot
 from dynident.case.case import Case
 from dynident.cli.main import main as dynident
 from dynident.identification.estimate.estimate import Estimate
@@ -369,7 +370,7 @@ def outcome(name: str, virtual: Virtual, folder: Path, ways: Sequence[str]) -> R
         begin = time.process_time()
         found = identify(model, learn, "consistent", how, choose_friction=way == "auto")
         seconds[way] = time.process_time() - begin
-        errors[way] = validate(found, held).total_relative_error
+        errors[way] = against_model(found, held).total_relative_error
         delays[way] = tuple(one.applied * virtual.rate for one in found.choices.delays or ())
         widths[way] = next((p.options["width"] for p in found.model.friction if "width" in p.options), np.nan)
         bent[way] = fades(found)

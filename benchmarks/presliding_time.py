@@ -17,8 +17,8 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.init_cases import CASES, SETS, drafted
-from dynident import identify, read_case, validate
+from benchmarks.init_cases import CASES, SETS, against_model, drafted
+from dynident import identify, read_case
 
 #: How often each is identified.
 ROUNDS = 4
@@ -41,7 +41,7 @@ def row_of(name: str, data: Path, folder: Path) -> str:
             estimate = identify(model, train, case.estimator.name, case.preprocessing)
             seconds[way].append(time.process_time() - begin)
             same = replace(hand.preprocessing, delay_s=estimate.preprocessing.delay_s)
-            errors[way] = validate(estimate, test, same).total_relative_error
+            errors[way] = against_model(estimate, test, same).total_relative_error
     least = {way: min(own) for way, own in seconds.items()}
     times = f"{least['with']:.1f} s | {least['without']:.1f} s | {least['with'] / least['without']:.2f}"
     return f"| {name} | {times} | {errors['with']:.3%} | {errors['without']:.3%} |"

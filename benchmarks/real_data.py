@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.init_cases import drafted
-from dynident import read_case, validate
+from benchmarks.init_cases import against_model, drafted
+from dynident import read_case
 from dynident.case.case import Case
 from dynident.data.preprocessing import FILTERS
 from dynident.data.split import Split
@@ -101,7 +101,7 @@ def main() -> None:
             train, test = data_of(case, change)
         for estimator in ("wls", "consistent") if options.friction != "drafted" else ("consistent",):
             estimate = identify(model, train, estimator, how, choose_friction=choose)
-            found = validate(estimate, test) if test else None
+            found = against_model(estimate, test) if test else None
             errors = " ".join(f"{fit.rmse_unfiltered:.3g}" for fit in (found or estimate.train).joints)
             held_out, moving = (
                 ("", "") if found is None else (percent(found.total_relative_error), percent(moving_error(found)))
