@@ -23,15 +23,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dynident import identify, read_case
-from dynident.applications.start_states import with_starts
+from dynident.api.validate import compared
 from dynident.case.case import Case
 from dynident.case.questions import ASK, MARK, questions_in
 from dynident.cli.main import main as dynident
 from dynident.data.log import Log
-from dynident.data.preprocessing import Preprocessing, preprocess
+from dynident.data.preprocessing import Preprocessing
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
-from dynident.identification.validate import validate
 from dynident.results.short_answer import not_significant
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"
@@ -232,16 +231,8 @@ def outcome_of(name: str, data: Path, folder: Path) -> Outcome:
 
 
 def against_model(estimate: Estimate, logs: Sequence[Log], how: Preprocessing | None = None) -> Validation:
-    """Return a validation that counts samples at rest against the model's torque, as peers do.
-
-    Args:
-        estimate: The estimate.
-        logs: Raw logs that had no part in the fit.
-        how: Another preparation than that of the fit.
-    """
-    names = estimate.model.robot.joint_names
-    prepared = [preprocess(log.ordered(names), how or estimate.preprocessing) for log in logs]
-    return validate(estimate, with_starts(estimate, prepared)[0])
+    """Return a validation that counts samples at rest against the model's torque, as peers do."""
+    return compared(estimate, logs, how, interval_at_rest=False)
 
 
 def main() -> None:

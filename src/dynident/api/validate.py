@@ -79,7 +79,9 @@ def _test_logs(estimate: Estimate) -> Sequence[Log]:
 
 
 @one_blas_thread()
-def compared(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None) -> Validation:
+def compared(
+    estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None, interval_at_rest: bool = True
+) -> Validation:
     """Compare an estimate with raw logs, and its samples at rest with what static friction can hold.
 
     How warm the drives are at the start of a log, where friction depends on it, is found from the log.
@@ -88,6 +90,7 @@ def compared(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
         estimate: The estimate.
         logs: Raw logs with positions and torques.
         preprocessing: Another preparation than that of the fit.
+        interval_at_rest: False counts samples at rest against the model's torque, as other tools do.
 
     Raises:
         LogMismatch: A log does not fit the robot, or is too short.
@@ -96,7 +99,7 @@ def compared(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
     prepared = [preprocess(log.ordered(names), how) for log in logs]
     logs_from, starts = with_starts(estimate, prepared)
     found = replace(bare.validate(estimate, logs_from), start_states=starts)
-    return with_rest(estimate, found, logs_from) if found.rests else found
+    return with_rest(estimate, found, logs_from) if interval_at_rest and found.rests else found
 
 
 def read_log(estimate: Estimate, name: str | Path, case: Case | None = None) -> Log:

@@ -83,7 +83,7 @@ def predict_torque(estimate: Estimate, log: Log) -> PredictedTorque:
     noise = _noise_deviations(estimate, regressor, log, prepared, torque)
     parameters = torque_deviations(estimate, prepared)
     residual = np.maximum(noise, np.asarray(estimate.joint_deviations))
-    held = held_along(estimate.model, parameters_of(estimate), prepared)
+    (held,) = held_along(estimate.model, [parameters_of(estimate)], prepared)
     smooth = prepared.smooth(torque.T).T[prepared.keep]
     reach = held.half + np.where(held.rests, np.abs(held.middle - smooth), 0.0)  # the whole interval, about the torque
     return PredictedTorque(

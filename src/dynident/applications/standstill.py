@@ -19,7 +19,7 @@ from dynident.arrays import Array, BoolArray
 from dynident.data.preprocessing import Prepared, at_rest
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
-from dynident.identification.estimate.validation import Validation, fits_of
+from dynident.identification.estimate.validation import Validation, fits_of, relative_error
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import remembered_motion
 from dynident.model.dynamic_model import DynamicModel
@@ -88,21 +88,24 @@ def _sharp(part: Friction) -> Friction:
     return replace(part, width=SHARP) if "width" in part.options else part  # type: ignore[call-arg]
 
 
-def held_along(model: DynamicModel, theta: Array, prepared: Prepared) -> HeldTorque:
-    """Return the torques along the kept rows of a log, filtered as the measured ones are.
+def held_along(model: DynamicModel, thetas: Sequence[Array], prepared: Prepared) -> list[HeldTorque]:
+    """Return the torques of several parameters along the kept rows of a log, filtered as the measured ones are.
 
     Args:
         model: Robot, drives and friction.
-        theta: Standard parameters, shape (p,).
+        thetas: Standard parameters, shape (p,) each.
         prepared: The log.
     """
     log = prepared.log
     motion = remembered_motion(model, log)
     speeds = motion.at_motors(np.asarray(model.robot.coupling)).dq
     rests = at_rest(speeds, rest_speeds(model.robot, prepared.how.standstill), log.rate)
-    found = held_torque(model, theta, motion, rests)
-    torque, middle, half = (prepared.smooth(one.T).T[prepared.keep] for one in (found.torque, found.middle, found.half))
-    return HeldTorque(torque, middle, np.maximum(half, 0.0), found.rests[prepared.keep])
+    found = []
+    for each in (held_torque(model, theta, motion, rests) for theta in thetas):
+        sides = (each.torque, each.middle, each.half)
+        torque, middle, half = (prepared.smooth(one.T).T[prepared.keep] for one in sides)
+        found.append(HeldTorque(torque, middle, np.maximum(half, 0.0), each.rests[prepared.keep]))
+    return found
 
 
 def with_rest(estimate: Estimate, found: Validation, logs: Sequence[Prepared]) -> Validation:
@@ -117,7 +120,15 @@ def with_rest(estimate: Estimate, found: Validation, logs: Sequence[Prepared]) -
         found: Its validation on the logs.
         logs: The logs as they were prepared for it.
     """
-    held = _held(estimate, parameters_of(estimate), logs)
+    model, nominal, bodies = estimate.model, found.nominal, Plausibility.of(estimate.run)
+    thetas = {"own": parameters_of(estimate)}
+    if nominal is not None and model.robot.nominal is not None:
+        thetas["nominal"] = np.append(model.robot.nominal, list(nominal.friction.values()))
+    if found.free_bodies_error is not None and bodies is not None:
+        thetas["free"] = estimate.base.to_standard(np.array(bodies.free_beta))
+    parts = zip(*(held_along(model, list(thetas.values()), log) for log in logs), strict=True)
+    every = {name: _joined(own) for name, own in zip(thetas, parts, strict=True)}
+    held, free = every["own"], found.free_bodies_error
     widths = found.half_widths()
     error, bound = found.measured - held.middle, held.half + (0.0 if widths is None else widths[1])
     table: list[dict[str, Any]] = []
@@ -129,29 +140,25 @@ def with_rest(estimate: Estimate, found: Validation, logs: Sequence[Prepared]) -
             facts |= {"half_width": float(np.sqrt(np.mean(half**2)))}
             facts |= {"inside": float(np.mean(distance <= bound[own, i]))}
             table.append(facts | {"rms_beyond": float(np.sqrt(np.mean(np.maximum(distance - half, 0.0) ** 2)))})
-    nominal, free, bodies = found.nominal, found.free_bodies_error, Plausibility.of(estimate.run)
-    if nominal is not None and estimate.model.robot.nominal is not None:
-        theta = np.append(estimate.model.robot.nominal, list(nominal.friction.values()))
-        fitted = _counted(found, _held(estimate, theta, logs).nearest(found.measured))
+    if nominal is not None and "nominal" in every:
+        fitted = _counted(found, every["nominal"])
         errors = tuple(fit.relative_error for fit in fitted.joints)
         nominal = replace(nominal, friction_fitted=fitted.total_relative_error, joints_friction_fitted=errors)
-    if free is not None and bodies is not None:
-        theta = estimate.base.to_standard(np.array(bodies.free_beta))
-        free = _counted(found, _held(estimate, theta, logs).nearest(found.measured)).total_relative_error
-    counted = _counted(found, np.where(held.rests, held.nearest(found.measured), found.predicted))
+    if "free" in every:
+        free = _counted(found, every["free"]).total_relative_error
+    counted = _counted(found, replace(held, torque=found.predicted))
     return replace(counted, at_rest=tuple(table), nominal=nominal, free_bodies_error=free)
 
 
-def _counted(found: Validation, nearest: Array) -> Validation:
-    """Return a validation with its errors over all rows against other torques of the model, shape (N, n)."""
+def _counted(found: Validation, held: HeldTorque) -> Validation:
+    """Return a validation with its errors over all rows against the nearest of other torques of the model."""
     names, units = zip(*((fit.name, fit.unit) for fit in found.joints), strict=True)
+    nearest = held.nearest(found.measured)
     joints = fits_of(names, units, found.measured, found.unfiltered, nearest, np.ones(nearest.shape, dtype=bool))
-    total = float(np.linalg.norm(found.measured - nearest)), float(np.linalg.norm(found.measured))
-    return replace(found, joints=joints, total_relative_error=total[0] / total[1] if total[1] > 0 else np.nan)
+    return replace(found, joints=joints, total_relative_error=relative_error(found.measured, nearest))
 
 
-def _held(estimate: Estimate, theta: Array, logs: Sequence[Prepared]) -> HeldTorque:
-    """Return the torques at standard parameters (p,) along the kept rows of all logs."""
-    parts = [held_along(estimate.model, theta, log) for log in logs]
+def _joined(parts: Sequence[HeldTorque]) -> HeldTorque:
+    """Return the torques along several logs, one after the other."""
     names = ("torque", "middle", "half", "rests")
     return HeldTorque(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))

@@ -226,12 +226,11 @@ def compare_torques(
     raw = np.concatenate([np.asarray(log.torque if log.raw_torque is None else log.raw_torque) for log in logs])
     predicted = np.concatenate(predictions)
     keep = np.concatenate(moving)
-    names = logs[0].joints
-    lengths = [log.samples for log in logs]
+    names, lengths = logs[0].joints, [log.samples for log in logs]
     return Validation(
         joints=fits_of(names, units, measured, raw, predicted, np.ones_like(keep)),
         moving=fits_of(names, units, measured, raw, predicted, keep),
-        total_relative_error=_ratio(np.linalg.norm(measured - predicted), np.linalg.norm(measured)),
+        total_relative_error=relative_error(measured, predicted),
         samples=sum(lengths),
         standstill=standstill,
         filter=dict(filter),
@@ -244,6 +243,11 @@ def compare_torques(
         unfiltered=raw,
         predicted=predicted,
     )
+
+
+def relative_error(measured: Array, predicted: Array) -> float:
+    """Return |residual| / |torque| of signals of one shape, not centred; NaN where the torque is zero."""
+    return _ratio(np.linalg.norm(measured - predicted), np.linalg.norm(measured))
 
 
 def _ratio(part: Any, whole: Any) -> float:
@@ -272,7 +276,7 @@ def _fit(name: str, unit: str, measured: Array, raw: Array, predicted: Array) ->
         rmse_unfiltered=float(np.sqrt(np.mean((raw - predicted) ** 2))),
         correlation=correlation(measured, predicted),
         r2=1.0 - float(np.mean(error**2)) / spread**2 if spread > 0 else float("nan"),
-        relative_error=_ratio(np.linalg.norm(error), np.linalg.norm(measured)),
+        relative_error=relative_error(measured, predicted),
         deviation=spread,
     )
 
