@@ -19,7 +19,7 @@ from dynident.arrays import Array, BoolArray
 from dynident.data.preprocessing import Prepared, at_rest
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
-from dynident.identification.estimate.validation import Validation, fits_of, relative_error
+from dynident.identification.estimate.validation import Validation, fits_of, ratio
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import remembered_motion
 from dynident.model.dynamic_model import DynamicModel
@@ -155,7 +155,8 @@ def _counted(found: Validation, held: HeldTorque) -> Validation:
     names, units = zip(*((fit.name, fit.unit) for fit in found.joints), strict=True)
     nearest = held.nearest(found.measured)
     joints = fits_of(names, units, found.measured, found.unfiltered, nearest, np.ones(nearest.shape, dtype=bool))
-    return replace(found, joints=joints, total_relative_error=relative_error(found.measured, nearest))
+    total = ratio(np.linalg.norm(found.measured - nearest), np.linalg.norm(found.measured))
+    return replace(found, joints=joints, total_relative_error=total)
 
 
 def _joined(parts: Sequence[HeldTorque]) -> HeldTorque:

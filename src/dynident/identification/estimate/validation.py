@@ -148,7 +148,7 @@ class Validation(ShortText):
         known = [fit for fit in self.moving if fit.samples and fit.relative_error > 0]
         residual = sum(fit.samples * fit.rmse**2 for fit in known)
         torque = sum(fit.samples * (fit.rmse / fit.relative_error) ** 2 for fit in known)
-        return _ratio(np.sqrt(residual), np.sqrt(torque))
+        return ratio(np.sqrt(residual), np.sqrt(torque))
 
     def half_widths(self) -> tuple[Array, Array] | None:
         """Return half the widths of the 95 % bands about the prediction, shape (N, n) each; None where not known.
@@ -230,7 +230,7 @@ def compare_torques(
     return Validation(
         joints=fits_of(names, units, measured, raw, predicted, np.ones_like(keep)),
         moving=fits_of(names, units, measured, raw, predicted, keep),
-        total_relative_error=relative_error(measured, predicted),
+        total_relative_error=ratio(np.linalg.norm(measured - predicted), np.linalg.norm(measured)),
         samples=sum(lengths),
         standstill=standstill,
         filter=dict(filter),
@@ -245,12 +245,8 @@ def compare_torques(
     )
 
 
-def relative_error(measured: Array, predicted: Array) -> float:
-    """Return |residual| / |torque| of signals of one shape, not centred; NaN where the torque is zero."""
-    return _ratio(np.linalg.norm(measured - predicted), np.linalg.norm(measured))
-
-
-def _ratio(part: Any, whole: Any) -> float:
+def ratio(part: Any, whole: Any) -> float:
+    """Return part / whole; NaN where there is no whole."""
     return float(part / whole) if whole > 0 else float("nan")
 
 
@@ -276,7 +272,7 @@ def _fit(name: str, unit: str, measured: Array, raw: Array, predicted: Array) ->
         rmse_unfiltered=float(np.sqrt(np.mean((raw - predicted) ** 2))),
         correlation=correlation(measured, predicted),
         r2=1.0 - float(np.mean(error**2)) / spread**2 if spread > 0 else float("nan"),
-        relative_error=relative_error(measured, predicted),
+        relative_error=ratio(np.linalg.norm(error), np.linalg.norm(measured)),
         deviation=spread,
     )
 
@@ -284,7 +280,7 @@ def _fit(name: str, unit: str, measured: Array, raw: Array, predicted: Array) ->
 def correlation(measured: Array, predicted: Array) -> float:
     """Return the normalised cross-covariance (18) of two signals, shape (N,); NaN where one never changes."""
     a, b = _centred(measured), _centred(predicted)
-    return _ratio(a @ b, np.linalg.norm(a) * np.linalg.norm(b))
+    return ratio(a @ b, np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def _centred(signal: Array) -> Array:
