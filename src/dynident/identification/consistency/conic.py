@@ -78,7 +78,7 @@ def solve_limited(program: Program, place: Array, rise: float) -> tuple[ConicCan
 def solve_ranges(program: Program, place: Array, rise: float) -> Array:
     """Return the least and the largest of each phi within conditions and the limit of :func:`solve_limited`, (p, 2).
 
-    Each is the bound that the multipliers prove, wider by what their equations are missed by (times phi); infinite where
+    Each is the bound that the multipliers prove, wider by what their equations are missed by, times phi; infinite where
     nothing holds it, NaN where none is proven to 1e-4 of it.
     """
     (limit, offset), (inside, inside_offset, cones) = _limit_rows(program, place, rise), cone_rows(program.conditions)
