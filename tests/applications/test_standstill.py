@@ -95,6 +95,11 @@ def test_samples_at_rest_are_counted_against_the_interval(
     else:
         assert found.total_relative_error < 1e-3 < free.total_relative_error
     assert found.figures()["at_rest"] == [first, second]
+    assert found.held is not None and all(np.array_equal(side[:250], found.predicted[:250]) for side in found.held)
+    reach = 3.0 * (20.0 if beyond else 0.0) * np.arange(2)
+    np.testing.assert_allclose(np.abs(found.residual[310:]).mean(axis=0), np.maximum(reach - 3.0, 0.0), atol=0.2)
+    shares = [band["inside"] for band in replace(found, deviations=0.01 * found.predicted, noise=np.ones(2)).bands()]
+    assert shares[0] == 1.0 and shares[1] == (pytest.approx(0.5, abs=0.02) if beyond else 1.0)
     assert set(first) == {"name", "unit", "samples", "half_width", "inside", "rms_beyond"}
     table = rest_table(found)
     assert (

@@ -135,6 +135,19 @@ def test_bands_lie_about_the_zero_of_the_residual() -> None:
     assert np.ptp(residual[:, 1]) / spans[1][0] == pytest.approx(np.ptp(SIGNAL - MODEL) / 6.0, rel=0.05)
 
 
+def test_what_static_friction_can_hold_is_shaded_and_no_residual() -> None:
+    rests = TIME > TIME[len(TIME) // 2]
+    held = tuple(np.where(rests, side, MODEL) for side in (SIGNAL - 2.0, SIGNAL + 2.0))
+    signals = TorqueSignals(TIME, SIGNAL, MODEL, held=(held[0], held[1]))
+    np.testing.assert_array_equal(signals.residual, np.where(rests, 0.0, SIGNAL - MODEL))
+    drawing = torque_chart("j", "N m", signals)
+    assert "static friction" in drawing and "at rest beyond static friction" in drawing
+    areas = [node.get("d", "") for node in parsed(drawing).iter() if node.get("class") == "d2"]
+    (area,) = [points(data.rstrip("z"))[0] for data in areas if "h" not in data]  # the sign of the legend has one
+    assert len(area) > 2 and np.ptp(area[:, 1]) > 0
+    assert "static friction" not in torque_chart("j", "N m", TorqueSignals(TIME, SIGNAL, MODEL))
+
+
 def test_a_gap_stands_between_logs() -> None:
     root = parsed(torque_chart("j", "N m", TorqueSignals(TIME, SIGNAL, MODEL, (0, 1000, 2200))))
     stretches = [points(data)[0] for data in lines(root, "c2")]

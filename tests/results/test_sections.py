@@ -131,9 +131,11 @@ def test_the_verdict_says_what_the_rows_at_rest_do(case: tuple[Estimate, Validat
     (test,) = subject.tests
     moving = tuple(replace(fit, samples=fit.samples // 2, relative_error=0.036) for fit in test.moving)
     found = context("verdict", replace(subject, tests=(replace(test, moving=moving),)))
-    assert found["sentences"][1] == (
-        "Without the samples at rest it is 3.6 %: friction at rest depends on how the drive came there."
-    )
+    full = "counts samples at rest in full"
+    assert found["sentences"][1] == f"It {full}; without them it is 3.6 %; the training error {full}."
+    held = (test.predicted - 100.0, test.predicted + 100.0)
+    found = context("verdict", replace(subject, tests=(replace(test, moving=moving, held=held),)))
+    assert found["sentences"][1].startswith("It counts samples at rest by what static friction cannot hold; without ")
 
 
 def test_the_verdict_on_a_bad_model(case: tuple[Estimate, Validation]) -> None:

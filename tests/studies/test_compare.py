@@ -24,6 +24,7 @@ from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.problem import Problem
 from dynident.identification.validate import validate, validate_prepared
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
@@ -209,6 +210,21 @@ def test_an_exact_fit_has_no_share_above(model: DynamicModel, theta: Array, exac
     (outcome,) = compare(exact, methods("wls"))
     assert np.isnan(outcome.above) and outcome.figures()["above_weighted_least_squares"] is None
     assert outcome.parameter_error is not None and outcome.parameter_error < 1e-9
+
+
+def test_samples_at_rest_count_by_what_static_friction_cannot_hold(
+    model: DynamicModel, theta: Array, exact_log: Callable[..., Log]
+) -> None:
+    log = exact_log(model, theta, samples=600)
+    still = replace(log, q=np.tile(log.q[-1], (len(log.q), 1)), dq=0 * log.q, ddq=0 * log.q, time=log.time)
+    held = model.torque(Motion(still.q, still.dq, still.ddq), theta)  # type: ignore[arg-type]
+    how = replace(GIVEN, rest="mask", standstill=0.02)
+    contest = contest_of(build_problem(model, [log], how), [log, replace(still, torque=held + 0.1)], truth=theta)
+    (outcome,) = compare(contest, [Method("wls", WLS())])
+    assert outcome.test is not None and outcome.test.rests and outcome.test.held is not None
+    assert outcome.test.total_relative_error < 1e-6 and contest.truth_error == pytest.approx(0.0, abs=1e-6)
+    beyond = contest_of(build_problem(model, [log], how), [replace(still, torque=held + 100.0)], truth=theta)
+    assert beyond.truth_error is not None and beyond.truth_error > 0.5
 
 
 def test_a_test_log_without_torques_is_refused(

@@ -99,7 +99,7 @@ def compared(
     prepared = [preprocess(log.ordered(names), how) for log in logs]
     logs_from, starts = with_starts(estimate, prepared)
     found = replace(bare.validate(estimate, logs_from), start_states=starts)
-    return with_rest(estimate, found, logs_from) if interval_at_rest and found.rests else found
+    return with_rest(estimate, found, logs_from) if interval_at_rest else found
 
 
 def read_log(estimate: Estimate, name: str | Path, case: Case | None = None) -> Log:

@@ -8,7 +8,7 @@ the model; parts with a state are at their bounds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -45,10 +45,12 @@ class HeldTorque:
     half: Array
     rests: BoolArray
 
-    def nearest(self, measured: Array) -> Array:
-        """Return the torque nearest to the measured one (N, n) that static friction can hold; in motion the model's."""
-        held = np.clip(measured, self.middle - self.half, self.middle + self.half)
-        return np.where(self.rests, held, self.torque)
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Least and largest torque of the model, shape (N, n) each: at rest of the interval, else the torque both."""
+        sides = (self.middle - self.half, self.middle + self.half)
+        low, high = (np.where(self.rests, side, self.torque) for side in sides)
+        return low, high
 
 
 def held_torque(model: DynamicModel, theta: Array, motion: Motion, rests: BoolArray) -> HeldTorque:
@@ -120,6 +122,8 @@ def with_rest(estimate: Estimate, found: Validation, logs: Sequence[Prepared]) -
         found: Its validation on the logs.
         logs: The logs as they were prepared for it.
     """
+    if not found.rests:
+        return found
     model, nominal, bodies = estimate.model, found.nominal, Plausibility.of(estimate.run)
     thetas = {"own": parameters_of(estimate)}
     if nominal is not None and model.robot.nominal is not None:
@@ -128,35 +132,41 @@ def with_rest(estimate: Estimate, found: Validation, logs: Sequence[Prepared]) -
         thetas["free"] = estimate.base.to_standard(np.array(bodies.free_beta))
     parts = zip(*(held_along(model, list(thetas.values()), log) for log in logs), strict=True)
     every = {name: _joined(own) for name, own in zip(thetas, parts, strict=True)}
-    held, free = every["own"], found.free_bodies_error
-    widths = found.half_widths()
-    error, bound = found.measured - held.middle, held.half + (0.0 if widths is None else widths[1])
-    table: list[dict[str, Any]] = []
-    for i, fit in enumerate(found.joints):
-        own = held.rests[:, i]
-        if own.any():
-            distance, half = np.abs(error[own, i]), held.half[own, i]
-            facts = {"name": fit.name, "unit": fit.unit, "samples": int(own.sum())}
-            facts |= {"half_width": float(np.sqrt(np.mean(half**2)))}
-            facts |= {"inside": float(np.mean(distance <= bound[own, i]))}
-            table.append(facts | {"rms_beyond": float(np.sqrt(np.mean(np.maximum(distance - half, 0.0) ** 2)))})
+    counted = _counted(found, replace(every["own"], torque=found.predicted))
     if nominal is not None and "nominal" in every:
         fitted = _counted(found, every["nominal"])
         errors = tuple(fit.relative_error for fit in fitted.joints)
         nominal = replace(nominal, friction_fitted=fitted.total_relative_error, joints_friction_fitted=errors)
-    if "free" in every:
-        free = _counted(found, every["free"]).total_relative_error
-    counted = _counted(found, replace(held, torque=found.predicted))
-    return replace(counted, at_rest=tuple(table), nominal=nominal, free_bodies_error=free)
+    free = _counted(found, every["free"]).total_relative_error if "free" in every else found.free_bodies_error
+    table = tuple(_at_rest(counted, every["own"]))
+    return replace(counted, at_rest=table, nominal=nominal, free_bodies_error=free)
+
+
+def counted_at_rest(model: DynamicModel, theta: Array, found: Validation, logs: Sequence[Prepared]) -> Validation:
+    """Return a validation of parameters (p,) on prepared logs whose errors count samples at rest so."""
+    held = _joined([held_along(model, [theta], log)[0] for log in logs])
+    return _counted(found, replace(held, torque=found.predicted)) if found.rests else found
+
+
+def _at_rest(counted: Validation, held: HeldTorque) -> Iterator[dict[str, Any]]:
+    """Yield of each joint that rests as plain data how its samples at rest lie to the interval."""
+    widths, distances = counted.half_widths(), np.abs(counted.residual)
+    for i, fit in enumerate(counted.joints):
+        own = held.rests[:, i]
+        if own.any():
+            distance, bound = distances[own, i], 0.0 if widths is None else widths[1][own, i]
+            half, beyond = (float(np.sqrt(np.mean(each**2))) for each in (held.half[own, i], distance))
+            facts = {"name": fit.name, "unit": fit.unit, "samples": int(own.sum()), "half_width": half}
+            yield facts | {"inside": float(np.mean(distance <= bound)), "rms_beyond": beyond}
 
 
 def _counted(found: Validation, held: HeldTorque) -> Validation:
-    """Return a validation with its errors over all rows against the nearest of other torques of the model."""
+    """Return a validation of other torques of the model with the errors over all rows of the nearest ones."""
     names, units = zip(*((fit.name, fit.unit) for fit in found.joints), strict=True)
-    nearest = held.nearest(found.measured)
-    joints = fits_of(names, units, found.measured, found.unfiltered, nearest, np.ones(nearest.shape, dtype=bool))
-    total = ratio(np.linalg.norm(found.measured - nearest), np.linalg.norm(found.measured))
-    return replace(found, joints=joints, total_relative_error=total)
+    own = replace(found, predicted=held.torque, held=held.bounds)
+    joints = fits_of(names, units, own.measured, own.unfiltered, own.nearest, np.ones(own.nearest.shape, dtype=bool))
+    total = ratio(np.linalg.norm(own.residual), np.linalg.norm(own.measured))
+    return replace(own, joints=joints, total_relative_error=total)
 
 
 def _joined(parts: Sequence[HeldTorque]) -> HeldTorque:

@@ -11,19 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array
 from dynident.data.formats import ColumnMap
 from dynident.identification.consistency.verdicts import judge
 from dynident.identification.estimate.envelope import envelope_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimators import ESTIMATORS, Estimator
 from dynident.identification.estimators.wls import WLS
-from dynident.identification.problem.choices import GainUncertainty
 from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.coloured import spectral_uncertainty
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.selection.friction.load import PASSES, agrees, with_load
+from dynident.identification.uncertainty.propagation import gain_uncertainty
 from dynident.identification.validate import validate_prepared
 from dynident.model.base_parameters import base_parameters
 from dynident.model.reduction import least_squares
@@ -55,7 +54,7 @@ def fit(problem: Problem, estimator: Estimator, progress: Callable[[str], None] 
     covariance, degrees = solution.covariance, solution.degrees
     choices = replace(
         problem.choices,
-        gain_std=_gain_uncertainty(problem, solution.weights),
+        gain_std=gain_uncertainty(problem, solution.weights),
         constraints_not_kept=not_kept(problem, estimator),
     )
     if covariance is None:
@@ -104,15 +103,6 @@ def not_kept(problem: Problem, estimator: Estimator) -> str | None:
     if problem.constraints.is_empty or estimator.keeps_constraints:
         return None
     return ESTIMATORS.name_of(estimator)
-
-
-def _gain_uncertainty(problem: Problem, weights: Array) -> GainUncertainty | None:
-    """Return what stated deviations of drive gains do to the estimate; None where none are."""
-    if not any(joint.drive.gain_deviation for joint in problem.model.robot.active):
-        return None
-    from dynident.identification.uncertainty.propagation import gain_uncertainty  # few need it
-
-    return gain_uncertainty(problem, weights)
 
 
 def versions() -> dict[str, Any]:

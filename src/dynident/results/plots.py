@@ -23,6 +23,8 @@ WIDTH, HEIGHT = 8.0, 1.9
 def plot_torques(estimate: Estimate, validation: Validation | None = None, joints: Sequence[str] | None = None) -> Any:
     """Return a figure of measured and predicted torque by joint, with the residual and its 95 % band.
 
+    Of test data the torques that static friction can hold at rest are shaded; the residual is what is beyond them.
+
     Args:
         estimate: The estimate.
         validation: Test data; None for the data of the fit.
@@ -51,13 +53,16 @@ def plot_torques(estimate: Estimate, validation: Validation | None = None, joint
         axis.plot(time, data.measured[:, k], color="0.55", linewidth=1.6, label="measured")
         axis.plot(time, data.predicted[:, k], color="C3", linewidth=0.9, label="predicted")
         axis.plot(time, data.residual[:, k], color="C0", linewidth=0.7, label="residual")
+        if data.held is not None:
+            low, high = (side[:, k] for side in data.held)
+            axis.fill_between(time, low, high, color="C3", alpha=0.15, linewidth=0, label="static friction")
         if bands is not None:
             axis.fill_between(
                 time, -bands[1][:, k], bands[1][:, k], color="C0", alpha=0.2, linewidth=0, label="95 % band"
             )
         axis.set_ylabel(f"{label(robot.joint_names[k])} [{unit}]")
         axis.set_title(f"relative error {format_percent(error)}", fontsize="small", loc="right")
-    axes[0].legend(fontsize="small", ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
+    axes[0].legend(fontsize="small", ncols=5, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
     axes[-1].set_xlabel("time [s]")
     return figure
 

@@ -288,6 +288,14 @@ def total_error(validation: Validation) -> str:
     return f"{told} ({format_percent(moving)} without the samples at rest)"
 
 
+def rest_words(validation: Validation) -> str:
+    """Return what an error counts of the samples at rest, as ``it counts ...``; empty where no joint rests."""
+    if not validation.rests:
+        return ""
+    limited = validation.held is not None
+    return "counts samples at rest by what static friction cannot hold" if limited else "counts samples at rest in full"
+
+
 def fits_table(validation: Validation, moving: bool = False) -> Table:
     """Return the figures of each joint, over all rows or over those in motion; the note states the filter.
 

@@ -108,6 +108,8 @@ class Validation(ShortText):
             the estimate has none, and on the data of the fit.
         at_rest: Of joints with samples at rest, how these lie to what static friction can hold.
         start_states: States of friction at the start of logs, as they were found from these.
+        held: Least and largest torque of the model, shape (N, n) each: ``predicted``, and at rest what static friction
+            can hold; None where samples at rest count against ``predicted``.
     """
 
     joints: tuple[Fit, ...]
@@ -131,11 +133,17 @@ class Validation(ShortText):
     free_bodies_error: float | None = None
     at_rest: tuple[Mapping[str, Any], ...] = ()
     start_states: tuple[Mapping[str, Any], ...] = ()
+    held: tuple[Array, Array] | None = None
+
+    @property
+    def nearest(self) -> Array:
+        """Torque of the model that the errors count against, in ``held`` nearest to the measured one, shape (N, n)."""
+        return self.predicted if self.held is None else np.clip(self.measured, *self.held)
 
     @property
     def residual(self) -> Array:
-        """Measured less predicted torque, shape (N, n)."""
-        return self.measured - self.predicted
+        """Measured torque less the nearest of the model, shape (N, n)."""
+        return self.measured - self.nearest
 
     @property
     def rests(self) -> bool:
@@ -196,12 +204,8 @@ class Validation(ShortText):
 
 def _figures(fit: Fit) -> dict[str, Any]:
     numbers = ("rmse", "rmse_unfiltered", "correlation", "r2", "relative_error")
-    return {
-        "name": fit.name,
-        "unit": fit.unit,
-        "samples": fit.samples,
-        **{name: finite(getattr(fit, name)) for name in numbers},
-    }
+    facts = {"name": fit.name, "unit": fit.unit, "samples": fit.samples}
+    return facts | {name: finite(getattr(fit, name)) for name in numbers}
 
 
 def compare_torques(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.results.figures.chart import WIDTH, Across, Level, Line, Plot, ShadedBand, chart
+from dynident.results.figures.chart import WIDTH, Across, Level, Line, Mark, Plot, ShadedBand, chart
 from dynident.results.figures.svg import COLOURS
 from dynident.results.text import format_number, format_percent, label, pretty_unit
 
@@ -89,6 +89,8 @@ class TorqueSignals:
         starts: First sample of each log; a gap stands between two.
         bands: Half widths; None for none.
         parts: What each log is used for, and whether it is shaded, such as ``("test", True)``; none for no names.
+        held: Least and largest torque of the model, shape (N,) each: at rest what static friction can hold, else
+            ``predicted`` both; None for no such interval.
     """
 
     time: Array
@@ -97,6 +99,12 @@ class TorqueSignals:
     starts: tuple[int, ...] = (0,)
     bands: TorqueBands | None = None
     parts: tuple[tuple[str, bool], ...] = ()
+    held: tuple[Array, Array] | None = None
+
+    @property
+    def residual(self) -> Array:
+        """Measured torque less the nearest of the model, shape (N,)."""
+        return self.measured - (self.predicted if self.held is None else np.clip(self.measured, *self.held))
 
 
 def _shades(time: Array, bands: TorqueBands | None) -> tuple[ShadedBand, ...]:
@@ -110,7 +118,8 @@ def torque_chart(joint: str, unit: str, signals: TorqueSignals, detail: int = 0)
     """Return measured and predicted torque of a joint and, below on the same time axis, the residual.
 
     Figures 7 and 9 of the article. Bands hold 95 % of the residuals where the model and its noise are what they are
-    said to be; the dark one is what the deviations of the parameters make of it.
+    said to be; the dark one is what the deviations of the parameters make of it. What static friction can hold at rest
+    is shaded above; the residual is what is beyond.
 
     Args:
         joint: Name of the joint.
@@ -120,14 +129,20 @@ def torque_chart(joint: str, unit: str, signals: TorqueSignals, detail: int = 0)
     """
     shown, bands = run_time(signals.time, signals.starts), signals.bands
     kind = f"{'torque' if unit == 'N m' else 'force'} [{pretty_unit(unit)}]"
-    residual = signals.measured - signals.predicted
+    residual = signals.residual
     known = residual[np.isfinite(residual)]
     rms = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
-    measured = Line("measured", shown, signals.measured, *MEASURED)
+    lines: tuple[Mark, ...] = (
+        Line("measured", shown, signals.measured, *MEASURED),
+        Line("predicted", shown, signals.predicted, *PREDICTED),
+    )
+    beyond = "" if signals.held is None else ", at rest beyond static friction"
+    if signals.held is not None:
+        lines = (ShadedBand("static friction", shown, signals.held[1], 2, signals.held[0], 0.25), *lines)
     plots = [
-        Plot(kind, (measured, Line("predicted", shown, signals.predicted, *PREDICTED)), 150.0),
+        Plot(kind, lines, 150.0),
         Plot(
-            f"measured - predicted [{pretty_unit(unit)}]",
+            f"measured - predicted{beyond} [{pretty_unit(unit)}]",
             (*_shades(shown, bands), Line("", shown, residual, *RESIDUAL)),
             78.0,
         ),
@@ -136,6 +151,8 @@ def torque_chart(joint: str, unit: str, signals: TorqueSignals, detail: int = 0)
         f"Measured and predicted {kind} of {label(joint)} over {len(shown)} samples in {len(signals.starts)} log(s); "
         f"their difference has a root mean square of {format_number(rms, 3)} {pretty_unit(unit)}."
     )
+    if signals.held is not None:
+        said += " At rest it is what static friction, shaded, cannot hold."
     if bands is not None:
         stated = np.isfinite(residual) & np.isfinite(bands.whole)
         inside = np.abs(residual[stated]) <= bands.whole[stated]
@@ -150,7 +167,7 @@ def small_torque_chart(
     measured: Array,
     predicted: Array,
     starts: Sequence[int] = (0,),
-    width: float = SMALL,
+    residual: Array | None = None,
 ) -> str:
     """Return measured and predicted torque of a joint with the residual on the same scale, one of a grid of many.
 
@@ -163,13 +180,14 @@ def small_torque_chart(
         measured: Shape (N,).
         predicted: Shape (N,).
         starts: First sample of each log; a gap stands between two.
-        width: Of the figure.
+        residual: Shape (N,); None for measured less predicted.
     """
     shown = run_time(time, starts)
-    signals = ((measured, MEASURED), (measured - predicted, RESIDUAL), (predicted, PREDICTED))
+    left = measured - predicted if residual is None else residual
+    signals = ((measured, MEASURED), (left, RESIDUAL), (predicted, PREDICTED))
     lines = tuple(Line("", shown, values, *look) for values, look in signals)
     said = f"Measured torque, predicted torque and residual in {pretty_unit(unit)} over time in s."
-    return chart(title, said, Across("", tuple(starts)), [Plot("", lines, 92.0)], width)
+    return chart(title, said, Across("", tuple(starts)), [Plot("", lines, 92.0)], SMALL)
 
 
 def torque_overview(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from dynident.applications.standstill import counted_at_rest, with_rest
 from dynident.arrays import Array, finite
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared
@@ -164,7 +165,8 @@ class Contest:
             return None
         problem = self.problem
         known = problem.base.from_standard(self.truth)
-        return validate_prepared(problem.model, problem.base, self.tests, known).total_relative_error
+        found = validate_prepared(problem.model, problem.base, self.tests, known)
+        return counted_at_rest(problem.model, self.truth, found, self.tests).total_relative_error
 
     def attempt(self, method: Method) -> Outcome:
         """Return what a method comes to; a failure is an outcome as well, whatever it is."""
@@ -189,11 +191,16 @@ class Contest:
             method=method.label,
             seconds=estimate.run.seconds or 0.0,
             estimate=estimate,
-            test=validate_prepared(problem.model, problem.base, self.tests, beta) if self.tests else None,
+            test=self._tested(estimate) if self.tests else None,
             above=max(norm / self.least - 1.0, 0.0) if self.least > 0 else float("nan"),
             worst="" if possible else culprit(problem.model, problem.base, beta, estimate.theta),
             parameter_error=None if self.truth is None else self._error(beta, self.truth),
         )
+
+    def _tested(self, estimate: Estimate) -> Validation:
+        problem = self.problem
+        found = validate_prepared(problem.model, problem.base, self.tests, estimate.beta)
+        return with_rest(estimate, found, self.tests)
 
     def _error(self, beta: Array, truth: Array) -> float:
         norms = self.problem.reduced().column_norms

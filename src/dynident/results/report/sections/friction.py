@@ -66,7 +66,8 @@ def _figures(subject: Subject) -> list[Markup]:
     theta, coupling = standard_parameters(estimate), np.asarray(robot.coupling)
     q = np.concatenate([v.q for v in validations])
     dq = np.concatenate([v.dq for v in validations])
-    residual = np.linalg.solve(coupling.T, np.concatenate([v.residual for v in validations]).T).T
+    left = np.concatenate([v.measured - v.predicted for v in validations])
+    residual = np.linalg.solve(coupling.T, left.T).T
     speed = dq @ coupling.T
     torque = friction_torque(model, theta, q, dq) + residual
     charts = []

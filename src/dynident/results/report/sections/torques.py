@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from dynident.results.figures import TorqueBands, TorqueSignals, torque_chart
 from dynident.results.report.sections.base import Drawing, ReportSection, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
-from dynident.results.text import Column, Table, format_number, format_percent, in_words, label, pretty_unit
+from dynident.results.text import Column, Table, format_number, format_percent, in_words, label, pretty_unit, rest_words
 
 #: Bytes of all figures together that go into the numbers behind them; a value takes 8/3.
 _BUDGET = 1_000_000
@@ -43,6 +43,8 @@ def _caption(dataset: Dataset) -> str:
     validation = dataset.validation
     several = "; a gap stands between two logs" if len(validation.logs) > 1 else ""
     error = format_percent(validation.total_relative_error)
+    words = rest_words(validation)
+    error += f", which {words}" if words else ""
     said = f"{dataset.logs}{several}. Total relative error {error}. Filter: {in_words(validation.filter)}."
     return f"{said} {dataset.remark}".rstrip()
 
@@ -57,11 +59,16 @@ def _figures(shown: Sequence[Dataset]) -> list[Drawing]:
     parts = tuple((dataset.name.lower(), dataset.held_out) for dataset in shown for _ in dataset.validation.starts)
     widths = [v.half_widths() or (np.full_like(v.measured, np.nan),) * 2 for v in found]
     narrow, wide = (np.concatenate([pair[k] for pair in widths]) for k in (0, 1))
+    held = [v.held or (v.predicted,) * 2 for v in found]
+    low, high = (np.concatenate([pair[k] for pair in held]) for k in (0, 1))
+    is_held = any(v.held is not None for v in found)
     detail = min(_MOST, int(_BUDGET / (8 / 3 * _ROWS * len(found[0].joints))))
     charts = []
     for i, fit in enumerate(found[0].joints):
         bands = TorqueBands(narrow[:, i], wide[:, i]) if np.any(np.isfinite(wide[:, i])) else None
         signals = TorqueSignals(time, measured[:, i], predicted[:, i], starts, bands, parts)
+        if is_held:
+            signals = replace(signals, held=(low[:, i], high[:, i]))
         charts.append(drawn(torque_chart(fit.name, fit.unit, signals, detail), "torque", fit.name))
     return charts
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Dataset, Subject
-from dynident.results.text import Table, fits_table, format_number, rest_table, total_error
+from dynident.results.text import Table, fits_table, format_number, rest_table, rest_words, total_error
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,7 @@ class Figures:
 
     dataset: Dataset
     error: str
+    counted: str
     standstill: str
     all_rows: Table
     moving: Table
@@ -34,6 +35,7 @@ class ValidationSection(ReportSection):
             Figures(
                 dataset,
                 total_error(dataset.validation),
+                rest_words(dataset.validation),
                 format_number(dataset.validation.standstill, 2),
                 fits_table(dataset.validation),
                 fits_table(dataset.validation, moving=True),

@@ -15,7 +15,7 @@ from dynident.results.report.judgement import GAP, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import Drawing, ReportSection, drawn
 from dynident.results.report.subject import Dataset, Subject
 from dynident.results.short_answer import not_significant
-from dynident.results.text import format_percent, label, pretty_unit, shorten
+from dynident.results.text import format_percent, label, pretty_unit, rest_words, shorten
 from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, reason_of
 
 #: What the word of a verdict is called where it does not stand for itself, and how each is coloured.
@@ -113,7 +113,7 @@ def _small_torques(data: Dataset) -> list[Drawing]:
             small_torque_chart(
                 f"{_both_ends(label(fit.name))}{f' [{pretty_unit(fit.unit)}]' if mixed else ''}, "
                 f"{format_percent(fit.relative_error)}",
-                *(fit.unit, v.time[rows], v.measured[rows, i], v.predicted[rows, i], starts),
+                *(fit.unit, v.time[rows], v.measured[rows, i], v.predicted[rows, i], starts, v.residual[rows, i]),
             ),
             *("overview", fit.name),
         )
@@ -145,19 +145,19 @@ def _prediction(subject: Subject) -> VerdictAnswer:
 
 
 def _about_prediction(subject: Subject) -> list[str]:
-    train = subject.estimate.train.total_relative_error
+    estimate = subject.estimate
+    train = estimate.train.total_relative_error
     if not subject.held_out:
         return [f"The training error is {format_percent(train)} of the measured torque.", _untested(subject)]
     worst = _worst(subject)
     graded = f": {grade(worst)}" if subject.verdict.word in _TONES else ""
     said = [f"The test error is {format_percent(worst)} of the measured torque{graded}."]
     tests = [dataset.validation for dataset in subject.held_out]
-    moving = max((test.moving_relative_error for test in tests if test.rests), default=np.nan)
-    if moving < 0.9 * worst:
-        said.append(
-            f"Without the samples at rest it is {format_percent(moving)}: friction at rest depends on how "
-            "the drive came there."
-        )
+    resting = [test for test in tests if test.rests]
+    moving = max((test.moving_relative_error for test in resting), default=np.nan)
+    if moving < 0.9 * worst or any(test.held is not None for test in resting):
+        also = f"; the training error {rest_words(estimate.train)}" if estimate.train.rests else ""
+        said.append(f"It {rest_words(resting[0])}; without them it is {format_percent(moving)}{also}.")
     if np.isfinite(worst) and worst > GAP * train > 0:
         said.append(
             f"That is {worst / train:.1f} times the training error: see in the residuals whether the "
