@@ -290,10 +290,8 @@ def total_error(validation: Validation) -> str:
 
 def rest_words(validation: Validation) -> str:
     """Return what an error counts of the samples at rest, as ``it counts ...``; empty where no joint rests."""
-    if not validation.rests:
-        return ""
-    limited = validation.held is not None
-    return "counts samples at rest by what static friction cannot hold" if limited else "counts samples at rest in full"
+    how = "in full" if validation.held is None else "by what static friction cannot hold"
+    return f"counts samples at rest {how}" if validation.rests else ""
 
 
 def fits_table(validation: Validation, moving: bool = False) -> Table:
