@@ -282,10 +282,8 @@ def parameters_table(estimate: Estimate, width: int | None = None) -> Table:
 def total_error(validation: Validation) -> str:
     """Return the total relative error, and that of the rows in motion where it differs by a tenth or more."""
     every, moving = validation.total_relative_error, validation.moving_relative_error
-    told = format_percent(every)
-    if not (validation.rests and abs(moving - every) > 0.1 * every):
-        return told
-    return f"{told} ({format_percent(moving)} without the samples at rest)"
+    without = f" ({format_percent(moving)} without the samples at rest)"
+    return format_percent(every) + without * bool(validation.rests and abs(moving - every) > 0.1 * every)
 
 
 def rest_words(validation: Validation) -> str:
