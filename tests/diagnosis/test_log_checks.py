@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,10 +28,12 @@ from dynident.data.formats import ColumnMap
 from dynident.data.log import smallest_step
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.cause_search import Blame, Cause
+from dynident.diagnosis.causes.column_readings import PositionReadings
 from dynident.diagnosis.causes.held_out import halves
 from dynident.diagnosis.causes.known_bodies import AgainstBodies, NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
+from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.checks import CHECKS, readings
 from dynident.diagnosis.checks.cells import held_at
 from dynident.diagnosis.checks.resolution import rounding_share, steps_of
@@ -229,6 +232,35 @@ def test_the_delay_is_right_to_a_tenth_of_a_sample(case: Case, samples: float, t
     found = virtual(case, rate=RATE, delay=samples / RATE).examined(tmp_path).findings
     (late,) = [finding for finding in found if finding.name == "torque delay"]
     assert late.numbers["delay_s"] * RATE == pytest.approx(samples, abs=0.1)
+
+
+@pytest.mark.parametrize("samples", [0.0, 3.0])
+def test_the_other_search_is_left_out_only_where_it_would_lose(case: Case, samples: float, tmp_path: Path) -> None:
+    """With the delay taken out or without: where one search is made, no causes could make the other one better."""
+    subject = subject_of(virtual(case, rate=RATE, delay=samples / RATE), tmp_path)
+    fit, trends = subject.fit, subject.trends
+    assert fit is not None and trends is not None
+    both = [Trends(replace(fit, how=replace(fit.how, delay_s=late))) for late in (None, samples / RATE or 0.01)]
+    assert all(one.least_criterion <= one.criterion for one in both)
+    if samples:
+        assert trends.fit.how.delay_s == pytest.approx(samples / RATE, abs=1e-4)
+        assert both[1].criterion < both[0].least_criterion
+
+
+def test_positions_read_otherwise_are_made_once(case: Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a log with one position turned, what a second look finds is what the first one found."""
+    subject = subject_of(put.turned(virtual(case, rate=RATE), ("q",), 1), tmp_path)
+    fit = subject.fit
+    assert fit is not None
+    readings, feeds, made = PositionReadings(fit), np.zeros(3, bool), Counter[str]()
+    products = QuickFit.products_of
+    monkeypatch.setattr(QuickFit, "products_of", lambda *a: (made.update(["products"]), products(*a))[1])
+    wrong = np.array([False, True, True])
+    first = list(readings.found(wrong, feeds))
+    count = made["products"]
+    assert [(one.name, one.joints) for one in first] == [("position sign", (case.robot.joint_names[1],))]
+    again = list(readings.found(wrong, feeds))
+    assert [one.gain for one in again] == [one.gain for one in first] and made["products"] == count
 
 
 def test_gravity_upside_down_on_a_small_arm_shows_against_the_description(planar_2r: Robot, tmp_path: Path) -> None:

@@ -48,6 +48,11 @@ class CauseRows:
         """Rows of each joint that count, shape (n,), at least 1."""
         return np.maximum(self.masks.sum(axis=0), 1).astype(float)
 
+    @property
+    def worth(self) -> Array:
+        """Independent rows of each joint where noise is white before the filter, shape (n,)."""
+        return self.counts / self.oversampling
+
 
 @dataclass(frozen=True)
 class ColumnsAtJoint:

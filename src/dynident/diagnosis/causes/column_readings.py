@@ -15,7 +15,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, in_order
-from dynident.diagnosis.causes.weighted_fit import Triangles
+from dynident.diagnosis.causes.weighted_fit import Products
 from dynident.diagnosis.finding import listed
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
@@ -121,63 +121,69 @@ def _explained(fit: QuickFit, variances: Array, mixing: Array, joints: Sequence[
     return bool((np.sqrt(variances[list(joints)]) < GOOD * np.array(size)).all())
 
 
-def position_readings(fit: QuickFit, wrong: BoolArray, feeds: BoolArray) -> Iterator[Interpretation]:
-    """Yield the signs, orders and units of the positions under which a log agrees far better.
+class PositionReadings:
+    """Signs, orders and units of the positions under which a log agrees far better; products of each are made once."""
 
-    Pairs of positions are exchanged at ``wrong`` joints, shape (n,), and beside them, or those of neighbours where none
-    is wrong, and all positions are read in another order or unit where half of the joints are wrong; a position of
-    another sign may upset other joints alone, and mends friction that drives a joint, ``feeds`` (n,), as a torque of
-    another sign does.
-    """
-    near = wrong | np.append(wrong[1:], False) | np.append(False, wrong[:-1])
-    most = wrong.sum() >= len(wrong) / 2
-    names, q = fit.model.robot.joint_names, np.asarray(fit.log.q)
-    turning = np.array([joint.kind == "revolute" for joint in fit.model.robot.active])
-    for i, name in enumerate(names):
-        turned = q.copy()
-        turned[:, i] *= -1
-        remedy = "negate the column of its position, or the axis"
-        least = FED if feeds[i] else GAIN + 1.0
-        yield from _read(fit, _reduced(fit, turned), "position sign", (name,), remedy, least=least)
-    pairs = list(combinations(np.flatnonzero(near).tolist(), 2)) or list(pairwise(range(len(names))))
-    orders = [_turned(tuple(range(len(names))), pair) for pair in pairs]
-    for order in dict.fromkeys(chain(orders, _whole_orders(len(names)) if most else ())):
-        moved = tuple(name for i, name in enumerate(names) if order[i] != i)
-        if not moved:
-            continue
-        swapped = _reduced(fit, q[:, list(order)])
-        remedy = "name the position columns in the order of the joints (log: columns: q)"
-        if len(moved) == 2:
-            yield from _read(fit, swapped, "joint order", moved, remedy)
-        remedy = f"name the columns of positions and {fit.effort}s in the order of the joints (log: columns)"
-        how = f"with their positions and {fit.effort}s {_in_words(names, order)},"
-        yield from _read(fit, swapped, "joint order", moved, remedy, how, fit.exchanged(order))
-    if turning.all() and most:
-        remedy = "state the unit in the case file (log: units: {position: deg})"
-        yield from _read(fit, _reduced(fit, np.deg2rad(q)), "positions in degrees", (), remedy)
+    def __init__(self, fit: QuickFit) -> None:
+        self.fit = fit
+        self._names = fit.model.robot.joint_names
+        self._made: dict[tuple[tuple[int, ...], tuple[float, ...]], Products] = {}
 
+    def found(self, wrong: BoolArray, feeds: BoolArray) -> Iterator[Interpretation]:
+        """Yield the readings under which the log agrees far better.
 
-def _reduced(fit: QuickFit, q: Array) -> tuple[FitRows, Triangles]:
-    """Return the rows with other positions (N, n), and their triangles; torques of any mixing need no others."""
-    rows = replace(fit.rows_of(replace(fit.log, q=q)), masks=fit.rows.masks)  # the same rows, or scores do not compare
-    return rows, fit.triangles_of(rows)
+        Pairs of positions are exchanged at ``wrong`` joints, shape (n,), and beside them, or those of neighbours where
+        none is wrong, and all positions are read in another order or unit where half of the joints are wrong; a
+        position of another sign may upset other joints alone, and mends friction that drives a joint, ``feeds`` (n,),
+        as a torque of another sign does.
+        """
+        fit, names, joints = self.fit, self._names, len(self._names)
+        near = wrong | np.append(wrong[1:], False) | np.append(False, wrong[:-1])
+        most, plain, ones = wrong.sum() >= len(wrong) / 2, tuple(range(joints)), np.ones(joints)
+        turning = np.array([joint.kind == "revolute" for joint in fit.model.robot.active])
+        for i, name in enumerate(names):
+            turned = np.where(np.arange(joints) == i, -1.0, 1.0)
+            remedy = "negate the column of its position, or the axis"
+            yield from self._read(plain, turned, "position sign", (name,), remedy, FED if feeds[i] else GAIN + 1.0)
+        pairs = list(combinations(np.flatnonzero(near).tolist(), 2)) or list(pairwise(plain))
+        orders = [_turned(plain, pair) for pair in pairs]
+        for order in dict.fromkeys(chain(orders, _whole_orders(joints) if most else ())):
+            moved = tuple(name for i, name in enumerate(names) if order[i] != i)
+            if not moved:
+                continue
+            remedy = "name the position columns in the order of the joints (log: columns: q)"
+            if len(moved) == 2:
+                yield from self._read(order, ones, "joint order", moved, remedy)
+            remedy = f"name the columns of positions and {fit.effort}s in the order of the joints (log: columns)"
+            how = f"with their positions and {fit.effort}s {_in_words(names, order)},"
+            yield from self._read(order, ones, "joint order", moved, remedy, how=how, mixing=fit.exchanged(order))
+        if turning.all() and most:
+            remedy = "state the unit in the case file (log: units: {position: deg})"
+            yield from self._read(plain, np.deg2rad(ones), "positions in degrees", (), remedy)
 
+    def _read(
+        self,
+        order: tuple[int, ...],
+        factors: Array,
+        name: str,
+        joints: tuple[str, ...],
+        remedy: str,
+        least: float = GAIN + 1.0,
+        how: str = "with it,",
+        mixing: Array | None = None,
+    ) -> Iterator[Interpretation]:
+        """Yield what columns of positions in an order, times ``factors`` (n,), explain, where that is enough."""
+        fit, key = self.fit, (order, tuple(factors.tolist()))
+        if key not in self._made:
+            self._made[key] = fit.products_of(self._rows(*key))
+        solved = fit.solve(self._made[key], mixing)
+        gain = fit.plain.score - solved.score
+        if gain > least and not feeding(*fit.friction_power(solved)).any():
+            reading = ReadRows(self._rows(*key), np.eye(len(factors)) if mixing is None else mixing)
+            yield Interpretation(name, joints, gain, how, remedy, reading)
 
-def _read(
-    fit: QuickFit,
-    reduced: tuple[FitRows, Triangles],
-    name: str,
-    joints: tuple[str, ...],
-    remedy: str,
-    how: str = "with it,",
-    mixing: Array | None = None,
-    least: float = GAIN + 1.0,
-) -> Iterator[Interpretation]:
-    rows, triangles = reduced
-    solved = fit.solve(triangles.products, mixing)
-    gain = fit.plain.score - solved.score
-    share, z = fit.friction_power(solved)
-    if gain > least and not feeding(share, z).any():
-        yield Interpretation(
-            name, joints, gain, how, remedy, ReadRows(rows, np.eye(len(share)) if mixing is None else mixing)
-        )
+    def _rows(self, order: tuple[int, ...], factors: tuple[float, ...]) -> FitRows:
+        """Return the rows with such positions: the same rows, or scores do not compare."""
+        fit = self.fit
+        rows = fit.rows_of(replace(fit.log, q=np.asarray(fit.log.q)[:, list(order)] * np.array(factors)))
+        return replace(rows, masks=fit.rows.masks)

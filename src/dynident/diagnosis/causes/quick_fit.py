@@ -8,7 +8,7 @@ is their log-likelihood up to the number of independent rows (Seber and Wild 200
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -74,6 +74,12 @@ class FitRows:
     known: Array
     masks: BoolArray
     prepared: Prepared
+
+    @property
+    def augmented(self) -> Iterator[Array]:
+        """[W_i, all torques, known torque] of each joint, the rows that count."""
+        for block, known, mask in zip(self.blocks, self.known.T, self.masks.T, strict=True):
+            yield np.column_stack([block, self.torque, known])[mask]
 
 
 @dataclass(frozen=True)
@@ -165,15 +171,11 @@ class QuickFit:
     @cached_property
     def triangles(self) -> Triangles:
         """Triangles of the declared reading."""
-        return self.triangles_of(self.rows)
+        return Triangles(self.rows.columns, tuple(map(triangle_of, self.rows.augmented)), self.base.count)
 
-    def triangles_of(self, rows: FitRows) -> Triangles:
-        """Return the triangle of [W_i, all torques, known torque] of each joint, and the columns of W_i."""
-        factors = tuple(
-            triangle_of(np.column_stack([block, rows.torque, rows.known[:, i]])[rows.masks[:, i]])
-            for i, block in enumerate(rows.blocks)
-        )
-        return Triangles(rows.columns, factors, self.base.count)
+    def products_of(self, rows: FitRows) -> Products:
+        """Return the products of another reading."""
+        return Triangles(rows.columns, tuple(rows.augmented), self.base.count).products
 
     @cached_property
     def shared(self) -> Products:

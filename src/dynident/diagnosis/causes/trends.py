@@ -46,11 +46,15 @@ class Trends:
     @cached_property
     def criterion(self) -> float:
         """Schwarz's criterion of the fit with these causes: the lower, the likelier are the rows and the causes."""
-        rows, causes = self._rows, [blame.cause for blame in self._found]
-        worth = rows.counts / rows.oversampling
+        worth, causes = self._rows.worth, [blame.cause for blame in self._found]
         chosen = [k for k, one in enumerate(self.causes) if any(one is cause for cause in causes)]
         columns = sum(len(cause.columns) for cause in causes)
         return float(worth @ np.log(self._search.fit(chosen).variances) + columns * np.log(worth.sum()))
+
+    @cached_property
+    def least_criterion(self) -> float:
+        """What the criterion is at least: all causes are fitted, and none of their columns counts."""
+        return float(self._rows.worth @ np.log(self._search.fit(range(len(self.causes))).variances))
 
     @cached_property
     def _search(self) -> CauseSearch:

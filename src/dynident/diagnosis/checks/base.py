@@ -112,6 +112,9 @@ class CheckedLog:
         if not late:
             return plain
         shifted = Trends(replace(self.fit, how=replace(self.fit.how, delay_s=late)), self.fit.gravity_observers)
+        first, second = sorted((shifted, plain), key=lambda one: one.least_criterion)
+        if first.criterion <= second.least_criterion:  # whatever a search would find there
+            return first
         return min((shifted, plain), key=lambda one: one.criterion)
 
     @cached_property

@@ -16,8 +16,8 @@ from dynident.diagnosis.causes.column_readings import (
     GAIN,
     GOOD,
     Interpretation,
+    PositionReadings,
     feeding,
-    position_readings,
     torque_orders,
     variance_falls,
 )
@@ -66,7 +66,8 @@ class Readings(Check):
         feeds = feeding(share, z)
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [_all_signs(subject, share, z, fit)]
-        found = _confirmed(fit, _candidates(fit, feeds), everywhere=False)
+        positions = PositionReadings(fit)
+        found = _confirmed(fit, _candidates(positions, feeds), everywhere=False)
         scale = subject.sure_scale
         if found and scale and scale.gain > found[0][1].gain:
             found = []  # one torque of another unit upsets the others: that check tells it
@@ -78,7 +79,7 @@ class Readings(Check):
             trends = subject.trends
             misfit = robot_misfit(fit) if trends is None else robot_misfit(trends.fit, known=trends.blames)
         known = found[0][1].gain if found else max((one.gain for one in other_scales(subject.scales)), default=0.0)
-        found, misfit = _otherwise(fit, feeds, known, (found, misfit))
+        found, misfit = _otherwise(positions, feeds, known, (found, misfit))
         if misfit.is_sure or ((found or scale) and misfit.is_suspected):
             return [_another_robot(misfit, fit, "error")]
         if found:
@@ -87,20 +88,23 @@ class Readings(Check):
 
 
 def _otherwise(
-    fit: QuickFit, feeds: BoolArray, known: float, plain: tuple[list[tuple[float, Interpretation]], RobotMisfit]
+    positions: PositionReadings,
+    feeds: BoolArray,
+    known: float,
+    plain: tuple[list[tuple[float, Interpretation]], RobotMisfit],
 ) -> tuple[list[tuple[float, Interpretation]], RobotMisfit]:
     """Return a reading of positions that other columns explain in part, or of several torques, and what it leaves.
 
     Args:
-        fit: The log.
+        positions: The log, with its positions read in other ways.
         feeds: Which joints friction drives, shape (n,).
         known: Gain of the score by what was found so far, or by the scale of one torque.
         plain: What was found and what it leaves, which stay where neither explains the log better.
     """
-    found, misfit = plain
+    (found, misfit), fit = plain, positions.fit
     one_scale = known > 0.0 and not found
     if misfit.is_structured or misfit.is_suspected:
-        others = _confirmed(fit, _of_positions(fit, feeds, everywhere=True), everywhere=True)
+        others = _confirmed(fit, _of_positions(positions, feeds, everywhere=True), everywhere=True)
         if others and others[0][1].gain > known:
             found, misfit = others, robot_misfit(fit, others[0][1].reading)
     is_poor = misfit.is_sure or misfit.is_suspected
@@ -207,7 +211,8 @@ def _scaled(fit: QuickFit) -> list[tuple[float, Interpretation]]:
 
 def _best_reading(learned: QuickFit, everywhere: bool) -> ReadRows | None:
     """Return what is best on the samples of a fit alone."""
-    found = list(_candidates(learned, feeding(*learned.friction_power(learned.plain)), everywhere))
+    feeds = feeding(*learned.friction_power(learned.plain))
+    found = list(_candidates(PositionReadings(learned), feeds, everywhere))
     return max(found, key=lambda each: each.gain).reading if found else None
 
 
@@ -220,7 +225,8 @@ def _all_signs(subject: CheckedLog, share: Array, z: Array, fit: QuickFit) -> Fi
     )
 
 
-def _candidates(fit: QuickFit, feeds: BoolArray, everywhere: bool = False) -> Iterator[Interpretation]:
+def _candidates(positions: PositionReadings, feeds: BoolArray, everywhere: bool = False) -> Iterator[Interpretation]:
+    fit = positions.fit
     names = fit.model.robot.joint_names
     signs = _torque_signs(fit, feeds)
     if signs.any():
@@ -237,14 +243,14 @@ def _candidates(fit: QuickFit, feeds: BoolArray, everywhere: bool = False) -> It
     yield from _mountings(fit)
     if not signs.any():
         yield from _couplings(fit)
-    yield from _of_positions(fit, feeds, everywhere)
+    yield from _of_positions(positions, feeds, everywhere)
 
 
-def _of_positions(fit: QuickFit, feeds: BoolArray, everywhere: bool) -> Iterator[Interpretation]:
+def _of_positions(positions: PositionReadings, feeds: BoolArray, everywhere: bool) -> Iterator[Interpretation]:
     """Yield other readings of the positions of joints that are not explained, or ``everywhere``."""
-    wrong = (fit.relative > (POOR_OF_ANOTHER if everywhere else POOR)) | feeds
+    wrong = (positions.fit.relative > (POOR_OF_ANOTHER if everywhere else POOR)) | feeds
     if wrong.any() or everywhere:
-        yield from position_readings(fit, wrong, feeds)
+        yield from positions.found(wrong, feeds)
 
 
 def _torque_signs(fit: QuickFit, feeds: BoolArray) -> BoolArray:
