@@ -46,6 +46,22 @@ def _frame(log: dict[str, Any], position: str = "q", torque: str = "torque") -> 
     return pandas.DataFrame({"time": log["time"], **columns})
 
 
+@pytest.mark.parametrize("rotor", [0.0, 2.0])
+def test_rotor_inertia_is_taken_where_the_log_has_it(rotor: float, arm: Any, exact_log: Callable[..., di.Log]) -> None:
+    """An arm with geared drives is not told heavier than it is; without rotors there is no parameter of them."""
+    robot = di.read_robot(arm[0])
+    assert robot.nominal is not None
+    model = di.DynamicModel(robot, ["coulomb", "viscous", "rotor_inertia"])
+    theta = np.append(robot.nominal, np.tile([0.4, 0.3, rotor], 2))
+    log = exact_log(model, theta, noise=0.1, samples=2400, rate=200.0)
+    found = di.identify(arm[0], {"time": log.time, "q": log.q, "torque": log.torque})
+    names = [parameter.name for parameter in found.base.parameters]
+    assert ("Ia[joint1]" in names) == (rotor > 0)
+    assert found.theta is not None
+    masses = np.asarray(found.theta)[9:20:10]
+    np.testing.assert_allclose(masses, robot.nominal[9:20:10], rtol=0.05)
+
+
 def test_arrays_frames_and_files_are_the_same_log(arm: Any, tmp_path: Path) -> None:
     robot, arrays = arm
     names = di.read_robot(robot).joint_names

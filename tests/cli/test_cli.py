@@ -258,8 +258,8 @@ def test_a_case_says_what_the_command_line_does_not(capsys: Capture) -> None:
 
 
 def test_several_logs(capsys: Capture) -> None:
-    one = answered_json(capsys, "identify", "arm.json", "run.csv")
-    words = ["identify", "arm.json", "run.csv", "other.csv", "--test", "third.csv"]
+    one = answered_json(capsys, "identify", "arm.json", "run.csv", "--cutoff", "5")
+    words = ["identify", "arm.json", "run.csv", "other.csv", "--cutoff", "5", "--test", "third.csv"]
     both = answered_json(capsys, *words)
     assert both["samples"] == pytest.approx(2 * one["samples"], rel=0.1)
     assert both["test"]["logs"] == ["third.csv"]
@@ -482,7 +482,8 @@ def test_decimal_commas_from_case_to_validation(folder: Path, tmp_path: Path, ca
     saved, other = str(tmp_path / "e.json"), str(tmp_path / "other.csv")
     found = answered_json(capsys, "identify", str(case), "-o", saved, "--test", other)
     assert answered_json(capsys, "validate", saved, other)["test"]["joints"] == found["test"]["joints"]
-    plain = answered_json(capsys, "identify", "arm.json", "run.csv", "--test", "other.csv")
+    friction = ["--friction", "coulomb", "viscous", "offset"]
+    plain = answered_json(capsys, "identify", "arm.json", "run.csv", "--test", "other.csv", *friction)
     assert found["test"]["total_relative_error"] == pytest.approx(plain["test"]["total_relative_error"])
 
 

@@ -11,6 +11,7 @@ from dynident.data.preprocessing import FILTERS, default_preprocessing
 from dynident.data.split import Split
 from dynident.errors import BadOption, DescriptionError, DynidentError
 from dynident.identification.estimators import ESTIMATORS, Estimator
+from dynident.model.friction import FRICTION, auto_friction, default_friction
 
 if TYPE_CHECKING:
     from dynident.identification.problem.prior import BodyPrior
@@ -62,6 +63,17 @@ def case_with(path: str, options: CaseOptions, open_gains: bool = False) -> Case
     if options.bodies:
         case = replace(case, bodies=options.bodies)
     return with_knowledge(_with_preprocessing(case, options), options.prior, options.constraints)
+
+
+def with_drive_friction(case: Case) -> Case:
+    """Return the case of a robot model alone with Coulomb friction, viscous friction, offset and rotor inertia.
+
+    Held-out samples decide on rotor inertia and on the width of the sign, as in drafts. A case file stays as it is.
+    """
+    parts = auto_friction(case.robot)
+    names = {*default_friction(), "rotor_inertia"}
+    own = tuple(part for part in parts if FRICTION.name_of(part) in names)
+    return case if case.path else replace(case, friction=own)
 
 
 def _with_preprocessing(case: Case, options: CaseOptions) -> Case:

@@ -49,7 +49,7 @@ def compare(
         NotAccepted: The unit of the time or a column of a log makes no sense, or with ``strict`` any finding at error
             level.
     """
-    case = case_of(case)
+    case = case_of(case, learns=True)
     methods = methods_of(case, estimators if isinstance(estimators, str) else ",".join(estimators))
     if not isinstance(data, CaseData | None):
         step = "give a case file that names its logs under train and test, or data=CaseData(train, test)"

@@ -11,6 +11,7 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
+from dynident.api.case_options import with_drive_friction
 from dynident.api.given_robots import RobotLike, is_robot_model, robot_of
 from dynident.api.log_checks import case_of_model
 from dynident.applications.states import motion_of_arrays, plain_numbers
@@ -152,8 +153,12 @@ def _indices(columns: str | Sequence[str]) -> str:
     return f"{numbers[0]}:{end}" if step == 1 else f"{numbers[0]}:{end}:{step}"
 
 
-def case_of(subject: Any) -> Case:
+def case_of(subject: Any, learns: bool = False) -> Case:
     """Return the case of a case file, a dynamic model, or a robot as :func:`robot_of` takes it; a case as it is.
+
+    Args:
+        subject: See above.
+        learns: Whether logs are there to decide on the friction of a robot, of which none is stated.
 
     Raises:
         BadArgument: Something else.
@@ -162,13 +167,15 @@ def case_of(subject: Any) -> Case:
     if isinstance(subject, Case):
         return subject
     if isinstance(subject, str | Path):
-        return read_case(subject)
-    if isinstance(subject, Robot) or is_robot_model(subject):
-        subject = DynamicModel(robot_of(subject), default_friction())
-    if isinstance(subject, DynamicModel):
+        case = read_case(subject)
+    elif isinstance(subject, Robot) or is_robot_model(subject):
+        case = case_of_model(DynamicModel(robot_of(subject), default_friction()))
+    elif isinstance(subject, DynamicModel):
         return case_of_model(subject)
-    step = 'write di.identify("arm.urdf", log), or give a case file, a Robot or a DynamicModel'
-    raise BadArgument("subject", f"{_kind(subject)} where a robot is wanted", step)
+    else:
+        step = 'write di.identify("arm.urdf", log), or give a case file, a Robot or a DynamicModel'
+        raise BadArgument("subject", f"{_kind(subject)} where a robot is wanted", step)
+    return with_drive_friction(case) if learns else case
 
 
 def check_kinds(wanted: Mapping[str, tuple[Any, Any, str]]) -> None:

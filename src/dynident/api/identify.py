@@ -95,7 +95,7 @@ def identify(
         SolverFailed: The estimator found no checked solution.
     """
     _check_options(preprocessing, knowledge, trust, record, estimator)
-    record, subject = record or Record(), case_of(subject)
+    record, subject = record or Record(), case_of(subject, learns=not is_digest(logs))
     if logs is None and not subject.train and not subject.path:
         raise BadOption("logs", None, "give logs with a model, or a case that names its logs")
     case = subject if preprocessing is None else replace(subject, preprocessing=preprocessing)

@@ -82,6 +82,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.case_logs import read_data
+    from dynident.api.case_options import with_drive_friction
     from dynident.api.compare import contest_of_case, methods_of
     from dynident.api.log_checks import check_logs, refuse_faulty
     from dynident.cli import console, jobs, verdicts
@@ -92,6 +93,7 @@ def run(options: argparse.Namespace) -> int:
     if options.report:
         check_place(options.report)
     case = jobs.case_from(options)
+    case = case if options.friction else with_drive_friction(case)
     methods = methods_of(case, options.estimators, options.seed)
     outcomes: list[Outcome] = []
     with console.progress(6 + len(methods), options.quiet or options.json) as progress:

@@ -161,7 +161,7 @@ def _estimate(
     from dataclasses import replace
 
     from dynident.api.case_logs import read_data, test_logs
-    from dynident.api.case_options import estimator_of
+    from dynident.api.case_options import estimator_of, with_drive_friction
     from dynident.api.identify import DEFAULT_TRUST, Record, identify
     from dynident.cli import jobs
     from dynident.errors import BadOption
@@ -176,6 +176,7 @@ def _estimate(
     if digest is not None:
         record = replace(record, quality=quality)
         return identify(case, digest, estimator, record=record, progress=progress), test_logs(case, digest)
+    case = case if options.friction else with_drive_friction(case)
     data = read_data(case)
     folds = DEFAULT_TRUST.folds if options.cross_validate is None else options.cross_validate
     estimate = identify(
