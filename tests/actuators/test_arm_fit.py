@@ -27,6 +27,8 @@ from dynident.actuators.linear_start import LinearStart, start_rows
 from dynident.actuators.parameters import PLACE, with_zero
 from dynident.actuators.rollout import record_of, rolled_out
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
+from dynident.actuators.torque_state import check_torque_state
+from dynident.errors import LogMismatch
 from dynident.model.robot import Robot
 from dynident.results.actuator_report import errors_table, mean_lines
 
@@ -124,6 +126,18 @@ def unfitted(arm: VirtualArm, logs: list[ServoLog]) -> Arm:
         fits.append(JointFit(1.0, "m1", {}, free, begun, own, own, own, free))
     used = [with_zero(own, 0.0) for own in arm.true]
     return Arm([arm.robot] * len(logs), measured, ends, motions, datas, fits, used)
+
+
+def test_an_axis_that_points_the_other_way_is_no_inverted_torque_column(tmp_path: Path) -> None:
+    """Both are driven where the robot model says that they are not; all torques of the bodies tell them apart."""
+    arm = drawn_arm(np.random.default_rng([11, 6, 103]), 6, LAW, tmp_path)
+    log = next(one for one in arm_logs(arm, 200.0, (8.0,)) if not one.enabled.all())
+    check_torque_state(arm.robot, log)
+    with pytest.raises(LogMismatch, match="the column of the torque is inverted"):
+        check_torque_state(arm.robot, replace(log, enabled=~log.enabled))
+    sides = np.where(np.arange(6) == 5, -1.0, 1.0)
+    with pytest.raises(LogMismatch, match="turn over the axis of joint6 in the robot model"):
+        check_torque_state(arm.robot, replace(log, q=sides * log.q, q_ref=sides * log.q_ref))
 
 
 @pytest.mark.battery

@@ -138,6 +138,18 @@ def test_an_inverted_torque_column_is_named(robot: Robot, motion: str, kp: float
         assert "inverted: turn it over" in caught.value.step
 
 
+@pytest.mark.parametrize(("first", "last"), [(2.0, 3.5), (4.0, 9.0)], ids=["off between", "off at last"])
+def test_an_inverted_torque_column_is_named_beside_a_slew_limit(robot: Robot, first: float, last: float) -> None:
+    """The goal inside the drive runs behind the steps of the command, and so does its torque."""
+    time, each = motions()
+    on = (time < first) | (time > last)
+    true = parameters(slew_limit=2.2)
+    log = virtual_log(ServoBench(robot, preset("feetech_sts3215")), true, time, each["steps"][0], 4.0, on)
+    check_torque_state(robot, log)
+    with pytest.raises(LogMismatch, match="joint1 is driven where its drive is off by the column"):
+        check_torque_state(robot, changed(log, enabled=~log.enabled))
+
+
 @pytest.mark.parametrize("is_tried", [True, False])
 def test_a_joint_that_rests_where_its_drive_is_off(robot: Robot, is_tried: bool) -> None:
     """Under a command that moves the inverted column is named; one that stands tells nothing."""

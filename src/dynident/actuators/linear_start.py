@@ -117,6 +117,15 @@ def start_rows(log: ServoLog, joint: int, load: JointLoad, motion: MeasuredMotio
     )
 
 
+def limited_goal(time: Array, command: Array, slew: float) -> Array:
+    """Return the goal inside the drive, shape (K,), that follows a command (K,) at a speed limited to slew in rad/s."""
+    if not np.isfinite(slew):
+        return command
+    goal = np.empty(len(time))
+    _goals(time, np.ascontiguousarray(command), slew, goal)
+    return goal
+
+
 def _held(log: ServoLog, time: Array) -> IntArray:
     """Return the sample of a log that holds at each time, shape (K,)."""
     return np.clip(np.searchsorted(log.time, time, side="right") - 1, 0, log.samples - 1)
@@ -126,13 +135,8 @@ def duty_of(rows: StartRows, delay: float, slew: float) -> tuple[Array, BoolArra
     """Return the duty on the grid at the measured position, and where it is at its limit or nearly so."""
     log, time = rows.log, rows.motion.time
     held = _held(log, time - delay)
-    command, goal = log.q_ref[held, rows.joint], np.empty(len(time))
-    if np.isfinite(slew):
-        _goals(time, np.ascontiguousarray(command), slew, goal)
-    else:
-        goal = command
     per_error, most, dead, punch = rows.law
-    error = goal - rows.angle
+    error = limited_goal(time, log.q_ref[held, rows.joint], slew) - rows.angle
     error = np.where(np.abs(error) <= dead, 0.0, error)
     raw = per_error * error + punch * np.sign(error) + log.added[held, rows.joint]
     raw += rows.damping * (log.dq_ref[held, rows.joint] - rows.motion.dq[:, rows.joint])
