@@ -277,3 +277,20 @@ def test_friction_beside_the_nominal_inertias_brakes_as_that_of_the_estimate_doe
         assert nominal.friction["Fv[joint1]"] == 0.0 and nominal.friction["Fv[joint2]"] > 0.2
     assert min((v for name, v in nominal.friction.items() if name[:2] in ("Fc", "Fv")), default=0.0) >= 0.0
     assert nominal.friction_fitted > 0.98 * found.train.total_relative_error
+
+
+def test_a_stated_rotor_beside_the_nominal_inertias_is_taken_off_at_most_whole(
+    planar_2r: Robot, exact_log: MakeLog
+) -> None:
+    """Where the nominal inertias are too large by more than the stated rotor, it is gone, and not left as stated."""
+    assert planar_2r.nominal is not None
+    truth = DynamicModel(planar_2r, (FRICTION.make("viscous"),))
+    log = exact_log(truth, np.append(planar_2r.nominal * 0.5, [0.3, 0.2]), noise=0.01)
+    joints = [replace(own, drive=replace(own.drive, rotor_inertia=0.01)) for own in planar_2r.joints]
+    model = DynamicModel(
+        replace(planar_2r, joints=tuple(joints)), tuple(map(FRICTION.make, ("viscous", "rotor_inertia")))
+    )
+    problem = build_problem(model, [log], GIVEN)
+    nominal = with_nominal(fit(problem, Consistent()), problem).train.nominal
+    assert nominal is not None
+    assert [nominal.friction[f"Ia[joint{k}]"] for k in (1, 2)] == [-0.01, -0.01]

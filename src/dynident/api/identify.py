@@ -77,6 +77,7 @@ def identify(
 
     Args:
         subject: Case, file, model or robot (:func:`robot_of`); ``read_case(path, friction="auto")`` chooses friction.
+            Of a robot or its file held-out samples decide on rotor inertia and on the width of Coulomb friction.
         logs: One raw log or several, as :func:`log_of` takes them, or a digest; None for those of the case that train.
         estimator: Name or part; None for that of the case, else ``consistent``.
         preprocessing: How logs become rows; None for that of the case, else the default of :class:`Case`.

@@ -85,8 +85,8 @@ def with_nominal(estimate: Estimate, problem: Problem) -> Estimate:
     """Return the estimate with the errors of the robot model's inertias on its samples; as it is where it states none.
 
     Friction, offset and rotor inertia beside the nominal inertias are those of weighted least squares on the same QR
-    factors, each joint weighted by its residual in the fit; coefficients that would come out below zero where physics
-    wants none are zero, as in the estimate. Inertias that a case states by ``prior`` have no part.
+    factors, each joint weighted by its residual in the fit; coefficients that would come out below the least that
+    physics allows are that, as in the estimate. Inertias that a case states by ``prior`` have no part.
     """
     nominal = problem.model.robot.nominal
     if nominal is None:
@@ -102,8 +102,8 @@ def with_nominal(estimate: Estimate, problem: Problem) -> Estimate:
     least = np.array([parameter.least if parameter.nonnegative else -np.inf for parameter in parameters])
     friction, kept = np.zeros(len(parameters)), np.full(len(parameters), True)
     while kept.any():
-        friction = np.zeros(len(parameters))
-        friction[kept] = np.linalg.lstsq(every[:, kept], torques)[0]
+        friction = np.where(kept, 0.0, least)
+        friction[kept] = np.linalg.lstsq(every[:, kept], torques - every[:, ~kept] @ least[~kept])[0]
         if not (wrong := friction < least).any():
             break
         kept &= ~wrong
