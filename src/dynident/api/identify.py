@@ -76,7 +76,7 @@ def identify(
     :func:`verdict_of` of the estimate is ``not accepted``, and a Python warning has the cause; ``record`` can raise it.
 
     Args:
-        subject: Case, file, model or robot, whose rotor inertia is chosen; ``read_case(path, friction="auto")`` chooses all.
+        subject: Case, file, model, robot (rotor inertia is chosen); ``read_case(path, friction="auto")`` chooses more.
         logs: One raw log or several, as :func:`log_of` takes them, or a digest; None for those of the case that train.
         estimator: Name or part; None for that of the case, else ``consistent``.
         preprocessing: How logs become rows; None for that of the case, else the default of :class:`Case`.
