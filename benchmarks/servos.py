@@ -68,6 +68,9 @@ COUNTED = (
     "slew_limit",
 )
 
+#: What is asked of gains, friction and armature where they are identifiable, as a share, and of the delay in s.
+ASKED, ASKED_DELAY = 0.03, 1e-3
+
 #: Rates in Hz of the logs of arms, by seed.
 RATES = (30.0, 50.0, 100.0, 200.0)
 
@@ -251,12 +254,29 @@ def summary(lines: list[Mapping]) -> list[str]:
         if odd:
             found.append(f"{name:18s}{odd} times found where there is none, or missed")
     found.append(f"all intervals: {100 * held / max(counted, 1):.1f} % of {counted} hold the truth")
-    found += lines_of(lines)
+    found += [*within_asked(lines), *lines_of(lines)]
     told = [line["gain_unknown"] for line in lines if "gain_unknown" in line]
     labels = [label for own in told for label in ([own] if isinstance(own, str) else own)]
     if labels:
         right = labels.count("not separable")
         found.append(f"unknown gain without saturation called not separable: {right} of {len(labels)}")
+    return found
+
+
+def within_asked(lines: Sequence[Mapping]) -> list[str]:
+    """Return how many values are as near to the truth as asked where their own intervals say so, as lines of text."""
+    found = []
+    for name in COUNTED:
+        if name == "angle_offset":
+            continue
+        rows = [joint[name] for line in lines for joint in line["joints"] if name in joint]
+        rows = [row for row in rows if row["half"] is not None and row["true"] is not None]
+        most = [ASKED_DELAY if name == "delay" else ASKED * row["true"] for row in rows]
+        near = [abs(row["value"] - row["true"]) <= own for row, own in zip(rows, most, strict=True)]
+        told = [ok for ok, row, own in zip(near, rows, most, strict=True) if row["half"] <= own]
+        if told:
+            asked = "1 ms" if name == "delay" else "3 %"
+            found.append(f"{name:18s}within {asked}: {sum(told)} of {len(told)} whose half width is below")
     return found
 
 

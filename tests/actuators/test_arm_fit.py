@@ -172,6 +172,19 @@ def test_a_joint_whose_first_search_ends_far_from_the_answer_is_sought_again(tmp
         assert zero is None or abs(zero["value"] - zero["true"]) < 1e-3, zero
 
 
+def test_what_is_asked_is_counted_where_half_widths_say_that_it_is_known() -> None:
+    def row(value: float, half: float | None) -> dict[str, float | None]:
+        return {"true": 1.0, "value": value, "half": half}
+
+    rows = [row(1.02, 0.025), row(1.04, 0.01), row(1.5, 0.04), row(2.0, None)]
+    delays = [{"true": 0.01, "value": value, "half": half} for value, half in ((0.0109, 1e-4), (0.03, 2e-3))]
+    lines = [{"joints": [{"coulomb": one} for one in rows] + [{"delay": one} for one in delays]}]
+    assert [line.split("within ")[1] for line in servos.within_asked(lines)] == [
+        "3 %: 1 of 2 whose half width is below",
+        "1 ms: 1 of 1 whose half width is below",
+    ]
+
+
 @pytest.mark.battery
 @pytest.mark.parametrize(("seed", "most"), [(8, 0.005), (16, 0.02)])
 def test_zeros_of_neighbours_that_trade_against_each_other_are_found(tmp_path: Path, seed: int, most: float) -> None:
