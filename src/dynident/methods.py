@@ -70,6 +70,9 @@ class EstimateMethods:
     def predict(self, q: Any, dq: Any = None, ddq: Any = None, temperature: Any = None) -> Any:
         """Return the torque of the identified model, bodies, rotors and friction, shape (n,) or (N, n), in N m or N.
 
+        Friction that remembers (presliding) counts as slipped the way of the motion: samples need not follow each
+        other. :func:`validate` and ``dynident predict`` carry it along a log.
+
         Args:
             q: Positions, shape (n,) or (N, n), in rad or m.
             dq: Velocities of the same shape; None for a robot at rest.

@@ -24,7 +24,7 @@ from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair
 from dynident.model.friction import FRICTION, default_friction
-from dynident.model.robot import JointLimits, Robot
+from dynident.model.robot import Drive, JointLimits, Robot
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +84,18 @@ def as_currents(trial: Trial) -> Trial:
     return mapped(trial, torque=(), current=("tau1", "tau2", "tau3"))
 
 
+def of_motors(turns: float, stated: float) -> Callable[[Trial], Trial]:
+    """Return what logs positions of motors that turn so often, with a gear ratio stated."""
+
+    def geared(trial: Trial) -> Trial:
+        drives = {joint.name: Drive(gear_ratio=stated) for joint in trial.case.robot.active}
+        columns = replace(trial.case.columns, motor=("q",))
+        case = replace(trial.case, robot=trial.case.robot.with_drives(drives), columns=columns)
+        return replace(trial, case=case).with_columns(q=turns * trial.columns["q"])
+
+    return geared
+
+
 ALL = slice(None)
 FIRST = "joint1 of it"
 
@@ -96,6 +108,10 @@ FAULTS: dict[str, tuple[str, Callable[[Trial], Trial], tuple[str, str, str], str
     "beyond the limits": (
         "position_range", put("q", (ALL, 0), np.linspace(-3.0, 3.4, 2000)), ("warning", "joint limits", FIRST),
         r"joint1 of it -3 to 3\.4 \(limits -3 to 3\)",
+    ),
+    "gear ratios upside down": (
+        "position_range", of_motors(100.0, 0.01), ("error", "gear ratio", "joint1 of it, joint2 of it, joint3 of it"),
+        r"turns of the joint: state the inverse \(drives: \{joint1 of it: \{gear_ratio: 100\}",
     ),
     "no torques": (
         "torque_source", positions_alone, ("error", "no torque", ""), "positions alone give no masses",
@@ -198,3 +214,7 @@ def test_of_two_units_of_the_time_the_one_with_the_likelier_speeds_is_named(tria
     t = 200.0 * np.arange(len(trial.columns["t"]))
     (found,) = told(limited(trial, 100.0).with_columns(t=t), "time_steps", tmp_path)
     assert "{time: us}" in found.remedy and "5000 samples a second then" in found.remedy
+
+
+def test_motors_that_turn_with_their_gears_are_right(trial: Trial, tmp_path: Path) -> None:
+    assert told(of_motors(100.0, 100.0)(trial), "position_range", tmp_path) == []

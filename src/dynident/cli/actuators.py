@@ -49,7 +49,8 @@ def run(case: Case, options: argparse.Namespace) -> int:
     for name in _FOREIGN:
         if getattr(options, name):
             step = "leave it out: the case has servo:, and its logs have no torque; the key servo states what is fitted"
-            raise BadOption(name, getattr(options, name), step)
+            page = "leave it out: of a case with servo: dynident report makes the page, from the file of -o"
+            raise BadOption(name, getattr(options, name), page if name == "report" else step)
     own = case.files
     case = jobs.with_logs(case, options)
     check_outputs((options.output,), (*own, *case.files))

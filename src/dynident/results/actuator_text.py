@@ -159,6 +159,12 @@ def joint_warnings(joint: JointActuator) -> list[str]:
         known = [one for one in joint.known if one.name == name and one.label == "at its bound"]
         if known and _is_none(name, known[0].value):
             found.append(f"{name.replace('_', ' ')} ended at its bound 0: {cause}")
+    if "angle offset" in real:
+        real.remove("angle offset")
+        step = "state log: zero, the joint's angle where the log counts 0, or turn the axis in the robot model"
+        found.append(
+            f"the weight asks for another zero than the log's, by more than an angle offset makes up for: {step}"
+        )
     if real:
         found.append(f"{', '.join(real)} ended at a bound: check the drive law and the inertias of the robot model")
     return found

@@ -71,6 +71,16 @@ def test_a_gain_for_each_sign_of_the_current(spatial_3r: Robot) -> None:
     assert gains.by_joint() == {}
 
 
+def test_a_gain_that_grows_beyond_all_bounds_stops_no_search_for_the_delay(spatial_3r: Robot) -> None:
+    """The stated centre is wrong; currents are percent, and a drive of 1e9 N m was called a fault of the recording."""
+    arm = replace(LoadedArm(spatial_3r, np.array([0.14, 0.09, 0.06]), ("viscous",)), rate=200.0)
+    logs = [arm.log(False, 0.1)], [arm.log(True, 0.1, warm=1.3)]
+    payload = CarriedBody(MASS, np.array([-0.3, 0.05, 0.0]))
+    gains = gains_from_payload(arm.model, *logs, payload, replace(GIVEN, delay_s=None))
+    assert not any(gain.known for gain in gains.gains) and np.max(np.abs(values(gains))) > 1e5
+    np.testing.assert_allclose(gains.delays, [0.0, 0.0], atol=1e-3)
+
+
 @pytest.mark.battery
 def test_intervals_hold_the_truth_and_weighted_least_squares_is_too_small(spatial_3r: Robot) -> None:
     arm = LoadedArm(spatial_3r, np.array([14.0, 9.0, 6.0]))

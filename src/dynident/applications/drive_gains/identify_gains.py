@@ -34,9 +34,9 @@ AGREED = 1e-4
 #: How often it is told what rows are worth beside what is known of the bodies, from the residual of the fit before.
 WORTHS = 2
 
-#: Gains beyond this are not determined; for the delay of the currents, which no common factor changes, they are scaled
-#: down, so that the currents still read as torques.
-LARGEST_GAIN = 1e6
+#: Torque of a drive in N m beyond which its gain is not determined; for the delay of the currents, which no factor of a
+#: drive's rows changes, its gain is lowered so far, so that the currents still read as torques.
+LARGEST_TORQUE = 1e6
 
 Progress = Callable[[str], None]
 Runs = tuple[tuple[Log, ...], ...]
@@ -294,7 +294,9 @@ class _Solve:
         gains = np.zeros(robot.dof)
         for group, gain in zip(_groups(robot.joint_names, self.options.signed), fit.gains, strict=True):
             gains[group] += gain / (2.0 if self.options.signed else 1.0)
-        gains *= min(1.0, LARGEST_GAIN / max(float(np.max(np.abs(gains))), 1e-100))
+        currents = [np.abs(np.asarray(log.current)).max(axis=0) for run in runs for log in run]
+        most = LARGEST_TORQUE / np.maximum(np.max(currents, axis=0), 1e-100)
+        gains = np.clip(gains, -most, most)
         coupling = np.asarray(robot.coupling)
         delays: list[float] = []
         prepared: list[tuple[Prepared, ...]] = []

@@ -58,7 +58,7 @@ def _radians(subject: CheckedLog) -> list[Finding]:
 
 def _limits(subject: CheckedLog) -> list[Finding]:
     robot, q = subject.case.robot, subject.sound.log.q
-    degrees, millimetres, names, beyond, far = [], [], [], [], 0.0
+    degrees, millimetres, inverted, names, beyond, far = [], [], [], [], [], 0.0
     for joint, column in zip(robot.active, q.T, strict=True):
         low, high = float(column.min()), float(column.max())
         lower, upper = joint.limits.lower, joint.limits.upper
@@ -68,16 +68,30 @@ def _limits(subject: CheckedLog) -> list[Finding]:
         reach = max(abs(low), abs(high)) if turns else high - low  # the zero of a slide may be anywhere
         if is_within(joint, one * low, one * high) and reach > _usual(joint):
             (degrees if turns else millimetres).append(joint.name)
+        gear = joint.drive.gear_ratio**2 if "q" in subject.case.columns.motor else 1.0
+        if gear != 1.0 and reach > _usual(joint) and is_within(joint, gear * low, gear * high):
+            inverted.append(joint)
         if not is_within(joint, low, high):
             names.append(joint.name)
             beyond.append(f"{joint.name} {low:.4g} to {high:.4g} (limits {lower:.4g} to {upper:.4g})")
             far = max(far, away)
+    if inverted:
+        return [_inverted_gears(inverted, beyond)]
     found = [_in_unit(subject, "deg", degrees)] if degrees and not _counts_turns(subject) else []
     found += [_in_unit(subject, "mm", millimetres)] if millimetres else []
     if found or not beyond:
         return found
     remedy = "check unit, zero, sign and order of the joints (log: units, columns)"
     return [Finding("warning", "joint limits", listed(names), "; ".join(beyond), remedy, {"beyond": far})]
+
+
+def _inverted_gears(joints: Sequence[Joint], beyond: Sequence[str]) -> Finding:
+    """Return that positions of motors keep the limits with the inverse of the stated gear ratios."""
+    evidence = f"positions of the motors over the stated gear ratio are no joint's: {'; '.join(beyond)}"
+    right = ", ".join(f"{one.name}: {{gear_ratio: {1.0 / one.drive.gear_ratio:.6g}}}" for one in joints)
+    remedy = f"a gear ratio is turns of the motor over turns of the joint: state the inverse (drives: {{{right}}})"
+    explains = ("joint limits", "velocity mismatch", "velocity unit")
+    return Finding("error", "gear ratio", listed([one.name for one in joints]), evidence, remedy, {}, explains)
 
 
 def _usual(joint: Joint) -> float:
