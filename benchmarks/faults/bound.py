@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks.faults.figures import WIDE, CleanLog
 from benchmarks.faults.trials import Trial, subject_of
 from dynident.arrays import Array
+from dynident.diagnosis.causes.against_bodies import Anchored
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_search import CHANCE, Cause
-from dynident.diagnosis.causes.known_bodies import Anchored
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.residuals.quantiles import chi_square_tail

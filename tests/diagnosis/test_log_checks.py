@@ -27,10 +27,11 @@ from dynident.case.evidence.rows import out_of_order, sortable
 from dynident.data.formats import ColumnMap
 from dynident.data.log import smallest_step
 from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame, Cause
 from dynident.diagnosis.causes.column_readings import PositionReadings
 from dynident.diagnosis.causes.held_out import halves
-from dynident.diagnosis.causes.known_bodies import AgainstBodies, NominalBodies
+from dynident.diagnosis.causes.known_bodies import NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
 from dynident.diagnosis.causes.trends import Trends

@@ -75,6 +75,11 @@ def figure_beside(rows: CauseRows, causes: Sequence[Cause], more: Cause, error: 
     return float(solved.beta[-1]), float(np.sqrt(solved.covariance[-1, -1] * widening))
 
 
+def fit_errors(rows: CauseRows, causes: Sequence[Cause], error: ModelError) -> FitErrors:
+    """Return the errors of the model that the fit with some causes has."""
+    return _errors(rows, causes, _fit(rows, causes), error)
+
+
 def _figured(
     blame: Blame, solved: Solved, places: slice, widening: Callable[[int, Array], float], times: float
 ) -> Blame:
@@ -117,7 +122,8 @@ def _columns(rows: CauseRows, causes: Sequence[Cause], solved: Solved, error: Mo
     for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
         here = np.zeros((len(block[every]), len(solved.beta)))
         here[:, own] = block[every]
-        here[:, rows.size :] = np.concatenate([cause.columns[:, every, i] for cause in causes]).T
+        for place, column in enumerate((part[every, i] for cause in causes for part in cause.columns), rows.size):
+            here[:, place] = column
         here[~rows.masks[every, i]] = 0.0
         found.append(here / np.sqrt(solved.variances[i]))
     return found

@@ -340,8 +340,8 @@ class CauseSearch:
         ((best, k, after, counted),) = [each for each in tried if each[1] == likeliest]
         others = sorted((each for each in tried if each[1] != k), key=lambda each: -each[0])
         close = [each for each in others if best - each[0] < CLOSE][:RIVALS]
-        rivals = tuple(self._blame(before, solved, other, own) for _, other, solved, own in close)
-        return k, after, replace(self._blame(before, after, k, counted), rivals=rivals)
+        rivals = tuple(self._blame(before, solved, [*chosen, other], own) for _, other, solved, own in close)
+        return k, after, replace(self._blame(before, after, [*chosen, k], counted), rivals=rivals)
 
     def _pair(self, chosen: list[int]) -> list[int]:
         """Return two causes that are sure beside each other, where none is alone; nothing where there are none.
@@ -369,9 +369,9 @@ class CauseSearch:
                 return [a, b]
         return []
 
-    def _blame(self, before: Solved, after: Solved, k: int, counted: tuple[Array, float]) -> Blame:
+    def _blame(self, before: Solved, after: Solved, chosen: Sequence[int], counted: tuple[Array, float]) -> Blame:
         worth, times = counted
-        cause, size = self.causes[k], len(self._places[k])
+        cause, size = self.causes[chosen[-1]], len(self._places[chosen[-1]])
         values = after.beta[-size:]
         covariance = after.covariance[-size:, -size:] * times
         torque = np.tensordot(values, cause.columns, 1)

@@ -111,24 +111,30 @@ class FitErrors:
             place: The coefficient.
             factors: How much the rows of each joint hang together, shape (n,).
         """
-        with_error = together = independent = doubt = 0.0
         influences = [own @ (self.root @ self.root[place]) for own in self.columns]
-        for influence, (error, noise, freedom), covariance, factor in zip(
-            influences, self.variances, self.model.covariances, factors, strict=True
-        ):
-            squares = float(influence @ influence) / self.model.every
-            smooth = error * float(influence @ covariance @ influence)
-            with_error += smooth + noise * squares * INDEPENDENT
-            doubt += smooth**2 / freedom
-            together += factor * squares
-            independent += squares
-        if not independent:
+        squares = np.array([influence @ influence for influence in influences]) / self.model.every
+        if not squares.any():
             return 1.0  # the coefficient of a column of zeros
+        return max(self.variance(influences), float(factors @ squares)) / float(squares.sum())
+
+    def variance(self, influences: Sequence[Array]) -> float:
+        """Return the variance of a coefficient by errors of the model and noise, times that of Student's intervals.
+
+        Args:
+            influences: What it rises by at each joint with a residual of one of its standard deviations that lasts from
+                one of these rows to the next, shape (N,) each.
+        """
+        total = doubt = 0.0
+        for influence, (error, noise, freedom), covariance in zip(
+            influences, self.variances, self.model.covariances, strict=True
+        ):
+            smooth = error * float(influence @ covariance @ influence)
+            total += smooth + noise * float(influence @ influence) / self.model.every * INDEPENDENT
+            doubt += smooth**2 / freedom
         if self.model.frames is not None:
-            with_error += float(np.sum(np.tensordot(self.model.frames, np.stack(influences, 1) / self.deviations) ** 2))
-        freedom = min(with_error**2 / max(doubt, 1e-300), MANY)
-        student = float(student_quantile(0.975, freedom) / student_quantile(0.975, MANY))
-        return max(with_error * student**2, together) / independent
+            total += float(np.sum(np.tensordot(self.model.frames, np.stack(influences, 1) / self.deviations) ** 2))
+        freedom = min(total**2 / max(doubt, 1e-300), MANY)
+        return total * float(student_quantile(0.975, freedom) / student_quantile(0.975, MANY)) ** 2
 
 
 def _root_of_inverse(columns: Sequence[Array]) -> Array:

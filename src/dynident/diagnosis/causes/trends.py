@@ -10,11 +10,11 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_columns import CauseRows
-from dynident.diagnosis.causes.cause_figures import figure_beside, figured
+from dynident.diagnosis.causes.cause_figures import figure_beside, figured, fit_errors
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import frame_errors
 from dynident.diagnosis.causes.held_out import judged
-from dynident.diagnosis.causes.model_error import ModelError
+from dynident.diagnosis.causes.model_error import FitErrors, ModelError
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream
@@ -81,6 +81,11 @@ class Trends:
     def _error(self) -> ModelError:
         error = ModelError.of_fit(self.fit)
         return replace(error, frames=frame_errors(self.fit, error.every))
+
+    @cached_property
+    def errors(self) -> FitErrors:
+        """The errors of the model that the fit with these causes has, those of link frames left out."""
+        return fit_errors(self._rows, [blame.cause for blame in self.blames], replace(self._error, frames=None))
 
     def _made_again(self, cause: Cause, beta: Array) -> Cause:
         """Return the clock or the lean of the base about bodies of other base parameters, shape (b,)."""

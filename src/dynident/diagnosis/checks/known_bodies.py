@@ -8,8 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
-from dynident.diagnosis.causes.known_bodies import AgainstBodies, KnownBodies, nominal_bodies, with_rotors
+from dynident.diagnosis.causes.known_bodies import KnownBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.quick_fit import asks_inertia
 from dynident.diagnosis.causes.trend_findings import NARROW, TOLD, TRENDS, Z95, believed, sureness, trend_finding
 from dynident.diagnosis.causes.trends import Trends

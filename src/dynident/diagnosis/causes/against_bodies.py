@@ -1,0 +1,259 @@
+"""A fit whose bodies are the known ones, as far as they are known, and what it leaves.
+
+The interval of a cause is that of rows that hang together and of the bodies' errors; where errors of the model make the
+rows' part wider (:mod:`dynident.diagnosis.causes.model_error`), it is that. Errors of link frames are not in it: bodies
+take in most of what they do, alike in the log behind an estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
+from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, load_columns, own_inertia
+from dynident.diagnosis.causes.known_bodies import LEAST, KnownBodies, NominalBodies
+from dynident.diagnosis.causes.model_error import FitErrors
+from dynident.diagnosis.causes.quick_fit import OVERSAMPLING
+from dynident.diagnosis.causes.trends import Trends
+from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
+from dynident.model.lapack import inverse_positive
+
+#: Relative standard deviations of a robot model at first and at most, passes that look for them at most, the relative
+#: change of these and of the variances at which they are found; share of its way that a step makes at least.
+FIRST, LARGEST, SEARCHED, SETTLED, SHORTEST = 0.1, 1e3, 30, 1e-2, 0.1
+
+#: Share of a step to the straight lines of a load about new values that is gone, as they turn.
+HALF = 0.5
+
+#: Causes that have no meaning against bodies: friction may be another one. Name and joint of the scale of all torques.
+LEFT_OUT, OF_ALL = ("friction curve",), ("torque scale", "")
+
+
+class Anchored(CauseSearch):
+    """A search in which some columns have a prior; rows count as often as they are independent in the plain fit.
+
+    In the products of columns those of the bodies are those of their independent combinations.
+    """
+
+    def __init__(
+        self,
+        rows: CauseRows,
+        causes: Sequence[Cause],
+        known: KnownBodies,
+        factors: Array,
+        errors: Callable[[], FitErrors] | None = None,
+    ) -> None:
+        """Make the products.
+
+        Args:
+            rows: The rows.
+            causes: The causes.
+            known: The bodies.
+            factors: Rows of each joint for each that is independent, shape (n,).
+            errors: Makes the errors of the model that rows have; None where they have none.
+        """
+        self._errors = errors
+        kept = rows.shared.copy()
+        kept[known.places] = True
+        super().__init__(rows, causes, kept)
+        self._taken = np.array([len(own) - kept[own].sum() for own in rows.columns])
+        self._known, self._factors = replace(known, places=np.cumsum(kept)[known.places] - 1), factors
+        self._mean = known.factor @ known.values
+        self.columns = replace(self.columns, grams=self.columns.grams.copy(), sides=self.columns.sides.copy())
+        self._inverse = np.linalg.inv(known.factor)
+        _turn(self.columns.grams, self.columns.sides, self._known.places, self._inverse)
+        self._found = dict[tuple[int, ...], tuple[Array, Array, Array]]()  # where the fit with one cause more begins
+
+    def fitted(self, chosen: Sequence[int]) -> Solved:
+        solved, found = self._fitted(chosen, np.zeros(TEN))
+        slot = self._load(chosen)
+        if slot is not None and solved.beta[slot[TOLD - 1]] < 0.0:  # the sign of the moments of inertia may hold it
+            begin = found[2].copy()
+            begin[TOLD - 1] *= -1.0
+            other, turned = self._fitted(chosen, begin)
+            if self._deviance(other) < self._deviance(solved):
+                solved, found = other, turned
+        self._found[tuple(chosen)] = found
+        return solved
+
+    def _deviance(self, solved: Solved) -> float:
+        return float((self.rows.counts / self._factors) @ np.log(solved.variances)) + solved.surprise
+
+    def _fitted(self, chosen: Sequence[int], load: Array) -> tuple[Solved, tuple[Array, Array, Array]]:
+        """Return the fit, and residual variances, deviations of the bodies and load where the next one begins.
+
+        Args:
+            chosen: Causes that are fitted, by their numbers.
+            load: Where a load at the flange begins, if it is the last of them.
+        """
+        products, slot, scale = self.products(chosen), self._load(chosen), self._scale(chosen)
+        known, held = self._known, self._known.places
+        counts, squares, floors = self.rows.counts, self.columns.squares, self.floors
+        start = (self.columns.whole / counts + floors, np.full(2, FIRST), load)
+        is_load = bool(chosen) and self.causes[chosen[-1]].hidden > 0  # which the bodies have taken in before: afresh
+        variances, shares, load = start if is_load else self._found.get(tuple(chosen[:-1]), start)
+        off = weights = prior = sizes = left = np.zeros(0)
+        scaled = inverse = turn = np.zeros((0, 0))
+        own, beta = 1.0, np.zeros(len(products[1][0]))
+        free, last, slope = np.setdiff1d(np.arange(len(beta)), held), np.zeros((2, 2)), np.ones(2)
+        for _ in range(SEARCHED if slot is not None or isinstance(known, NominalBodies) else PASSES):
+            before, (grams, sides) = np.concatenate([variances, shares]), products
+            if slot is not None:
+                turn, own = carried(load), own_inertia(load) ** 2
+                grams, sides = grams.copy(), sides.copy()
+                _turn(grams, sides, slot, turn)
+            times = max(abs(1.0 + float(beta[scale].sum())), LEAST)  # bodies in other units, and their errors with them
+            weights, prior = 1.0 / (variances * self._factors), known.variances(shares) * times**2
+            gram = (weights @ grams.reshape(len(grams), -1)).reshape(grams.shape[1:])
+            side = weights @ sides
+            gram[held, held] += 1.0 / prior
+            side[held] += self._mean / prior
+            if slot is not None:
+                gram[slot[TOLD:], slot[TOLD:]] += 1.0 / own
+            sizes = np.sqrt(np.maximum(np.diag(gram), 0.0))
+            sizes[sizes == 0.0] = 1.0
+            scaled = gram / sizes / sizes[:, None]
+            scaled[free, free] += RIDGE
+            inverse = inverse_positive(scaled)
+            beta = (inverse @ (side / sizes)) / sizes
+            variances = np.maximum(squares - 2 * sides @ beta + (grams @ beta) @ beta, 0.0) / counts + floors
+            off, left = beta[held] - self._mean, np.diag(inverse)[held] / sizes[held] ** 2
+            place = np.stack([np.log(shares), np.log(known.likelier(shares, prior, off, left) / shares)])
+            if slot is None and last.any():  # a load, which moves too, makes other slopes
+                np.divide(last[1] - place[1], place[0] - last[0], out=slope, where=place[0] != last[0])
+            step = place[1] / np.clip(slope, SHORTEST, 1.0)
+            shares, last = np.exp(np.clip(place[0] + step, np.log(LEAST), np.log(LARGEST))), place
+            moved = np.zeros(0) if slot is None else beta[slot] - load
+            if np.all(np.abs(np.log(np.concatenate([variances, shares]) / before)) < SETTLED) and np.all(
+                np.abs(moved[:TOLD]) < SETTLED * np.abs(load[:TOLD]).max(initial=0.0)
+            ):
+                break
+            load = load if slot is None else load + (HALF if load.any() else 1.0) * moved
+        information = scaled * sizes * sizes[:, None]
+        fitted = np.linalg.slogdet(information[: self.size, : self.size])[1] + self._taken @ np.log(weights)
+        surprise = known.surprise(prior, off, float(fitted))
+        if slot is not None:
+            surprise += float(beta[slot[TOLD:]] @ beta[slot[TOLD:]]) / own
+            beta[slot] = turn @ beta[slot]
+        told = self._slot(chosen, -1)[: self.causes[chosen[-1]].told if chosen else 0]
+        share = _share_of_bodies(information, np.diag(inverse) / sizes**2, free, told)
+        score, freedom = float(np.sum(np.log(variances))), known.freedom(prior, left) / share**2
+        return Solved(beta, variances, score, information, surprise, freedom), (variances, shares, load)
+
+    def _slot(self, chosen: Sequence[int], which: int) -> IntArray:
+        """Return where the coefficients of one of the chosen causes stand in the fit."""
+        lengths = [len(self._places[k]) for k in chosen]
+        end = self.size + sum(lengths[: which % len(chosen) + 1]) if chosen else 0
+        return np.arange(end - lengths[which], end) if chosen else np.zeros(0, np.int64)
+
+    def _load(self, chosen: Sequence[int]) -> IntArray | None:
+        """Return where the load at the flange stands in the fit; None where it is not chosen."""
+        found = [which for which, k in enumerate(chosen) if self.causes[k].hidden]
+        return self._slot(chosen, found[0]) if found else None
+
+    def _scale(self, chosen: Sequence[int]) -> IntArray:
+        """Return where the scale of all torques stands in the fit, nowhere where it is not chosen."""
+        found = [which for which, k in enumerate(chosen) if (self.causes[k].name, self.causes[k].joint) == OF_ALL]
+        return self._slot(chosen, found[0]) if found else np.zeros(0, np.int64)
+
+    def worths(self, fits: Sequence[Sequence[int]]) -> list[tuple[Array, float]]:
+        return [(self.rows.counts / self._factors, 1.0)] * len(fits)
+
+    def _blame(self, before: Solved, after: Solved, chosen: Sequence[int], counted: tuple[Array, float]) -> Blame:
+        blame = super()._blame(before, after, chosen, counted)
+        if self._errors is None:
+            return blame
+        errors = self._errors()
+        roots = np.sqrt([self._widening(after, chosen, place, errors) for place in range(len(blame.values))])
+        return replace(blame, covariance=blame.covariance * np.outer(roots, roots))
+
+    def _widening(self, after: Solved, chosen: Sequence[int], place: int, errors: FitErrors) -> float:
+        """Return the variance of a coefficient of the last cause with errors of the model over that without them."""
+        slot, weights, every = self._load(chosen), 1.0 / (after.variances * self._factors), errors.model.every
+        along = after.covariance[:, self._slot(chosen, -1)[place]].copy()
+        whole = along[self._slot(chosen, -1)[place]]
+        if slot is not None:
+            along[slot] = carried(self._found[tuple(chosen)][2]) @ along[slot]
+        full = np.zeros(self.columns.grams.shape[1])
+        full[self.used(chosen)] = along
+        full[self._known.places] = self._inverse @ full[self._known.places]
+        rows, influences = 0.0, []
+        for joint, weight, deviation in zip(self.columns.joints, weights, errors.deviations, strict=True):
+            influence = weight * (full[joint.places[:-1]] @ joint.columns[:-1])
+            rows += float(influence @ influence) / weight
+            influences.append(every * deviation * influence[::every])
+        return (max(rows, errors.variance(influences)) + whole - rows) / whole
+
+    def judged_again(self, chosen: list[int], found: dict[int, Blame]) -> list[int]:
+        return []  # each fit looks for the errors of the bodies, which takes long
+
+    def candidates(self, before: Solved, chosen: Sequence[int]) -> dict[int, float]:
+        return dict.fromkeys(self._left(chosen), np.inf)  # errors of the bodies may hide any of them
+
+
+def _turn(grams: Array, sides: Array, slot: IntArray, turn: Array) -> None:
+    """Replace the columns ``slot`` of products (n, k, k) and (n, k) by mixtures of them, ``turn``, in place."""
+    grams[:, :, slot] = grams[:, :, slot] @ turn
+    grams[:, slot] = turn.T @ grams[:, slot]
+    sides[:, slot] = sides[:, slot] @ turn
+
+
+def _share_of_bodies(information: Array, variances: Array, rest: IntArray, told: IntArray) -> float:
+    """Return the share of the variances (k,) of coefficients that is from errors of the bodies, above 0, 1 for none.
+
+    Where it is small the rows make the interval, and these are many (Satterthwaite 1946).
+    """
+    if not len(told):
+        return 1.0
+    certain = np.diag(np.linalg.pinv(information[np.ix_(rest, rest)], hermitian=True))[np.searchsorted(rest, told)]
+    return float(np.clip(np.mean(1.0 - certain / variances[told]), 1e-6, 1.0))
+
+
+class AgainstBodies:
+    """What the torques leave where the bodies are the known ones, as far as they are known.
+
+    Attributes:
+        fit: The quick fit, whose bodies are free.
+    """
+
+    def __init__(self, trends: Trends, known: KnownBodies) -> None:
+        self.fit, self._trends, self._known = trends.fit, trends, known
+
+    @cached_property
+    def search(self) -> Anchored:
+        """The products of all columns."""
+        fit, rows = self.fit, self.fit.rows
+        target = rows.torque - rows.known
+        found = CauseRows(rows.blocks, rows.columns, fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
+        causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
+        load = Cause("load at the flange", "", load_columns(fit), hidden=TEN - TOLD)
+        causes += [load, Cause(*OF_ALL, self.bodies[None])]
+        factors = fit.counts / fit.independent_rows
+        return Anchored(found, causes, self._known, factors, lambda: self._trends.errors)
+
+    @cached_property
+    def masses(self) -> Array:
+        """Mass of each link by the robot model, in kg; infinite where it states none."""
+        theta, count = self.fit.model.nominal(), self.fit.model.inertial_count
+        return (
+            np.full(count // TEN, np.inf) if theta is None or not theta[:count].any() else theta[TEN - 1 : count : TEN]
+        )
+
+    @property
+    def last_link(self) -> float:
+        """Standard deviation of the mass of the last link in kg, whose errors no log tells from a load."""
+        return FIRST * float(self.masses[-1]) if isinstance(self._known, NominalBodies) else 0.0
+
+    @cached_property
+    def bodies(self) -> Array:
+        """Torque of the known bodies, shape (N, n)."""
+        fit, rows = self.fit, self.fit.rows
+        beta = np.zeros(fit.base.count)
+        beta[self._known.places] = self._known.values
+        return np.stack([block @ beta[own] for block, own in zip(rows.blocks, rows.columns, strict=True)], axis=1)
