@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,12 @@ from benchmarks.faults.trials import Trial, subject_of, virtual
 
 from dynident.arrays import Array
 from dynident.case.case import read_case
+from dynident.diagnosis.causes.against_bodies import Anchored
+from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_figures import fit_errors
+from dynident.diagnosis.causes.cause_search import Cause
 from dynident.diagnosis.causes.frame_errors import MOVED, TURNED, displaced_torques, frame_errors
+from dynident.diagnosis.causes.known_bodies import KnownBodies
 from dynident.diagnosis.causes.model_error import INDEPENDENT, ModelError
 from dynident.diagnosis.causes.quick_fit import quick_fit
 from dynident.diagnosis.causes.torque_scales import joint_scales
@@ -46,6 +52,46 @@ def held(error: float, noise: float) -> tuple[float, float]:
         inside.append(abs(hat[-1] @ target) < 1.96 * spread)
         widenings.append(widening / INDEPENDENT)
     return float(np.mean(inside)), float(np.median(widenings))
+
+
+def held_beside_known_bodies(error: float, noise: float) -> tuple[float, float, float]:
+    """Return the shares of 95 % intervals that hold a cause beside known bodies, with errors of the model and without.
+
+    The third is by how much the former are wider, in the median.
+    """
+    generator = np.random.default_rng(4)
+    count, joints, bodies = 4 * ROWS, 2, 3
+    time = np.linspace(0.0, 20.0, count)
+    state = np.stack([np.sin(time), np.cos(0.6 * time + 1.0)], axis=1)
+    blocks = [np.sin(state @ generator.normal(size=(2, bodies)) + k) for k in range(joints)]
+    cause = Cause("cause", "", np.sin(state @ generator.normal(size=(2, joints)) + 0.5)[None], is_filtered=True)
+    covariance = np.exp(-0.5 * np.sum((state[:, None] - state) ** 2, axis=2))
+    values, vectors = np.linalg.eigh(covariance)
+    root, every, inside, widths = vectors * np.sqrt(np.maximum(values, 0.0)), [np.arange(bodies)] * joints, [], []
+    model = ModelError(INDEPENDENT, [covariance[::INDEPENDENT, ::INDEPENDENT]] * joints)
+    known = KnownBodies(np.arange(bodies), 10.0 * np.eye(bodies), np.ones(bodies))
+    for _ in range(DRAWS // 2):
+        beta = 1.0 + 0.1 * generator.normal(size=bodies)
+        white = generator.normal(size=(count + INDEPENDENT - 1, joints))
+        band = sum(white[k : count + k] for k in range(INDEPENDENT)) / np.sqrt(INDEPENDENT)
+        target = np.stack([block @ beta for block in blocks], axis=1) + 2.0 * cause.columns[0]
+        target = target + error * root @ generator.normal(size=(count, joints)) + noise * band
+        rows = CauseRows(blocks, every, bodies, target, target, np.ones(target.shape, bool), float(INDEPENDENT))
+        factors, told = np.full(joints, float(INDEPENDENT)), []
+        for errors in (partial(fit_errors, rows, [cause], model), None):
+            (blame,) = Anchored(rows, [cause], known, factors, errors).blames()
+            told.append((abs(blame.values[0] - 2.0) < blame.half_widths[0], blame.half_widths[0]))
+        inside.append([told[0][0], told[1][0]])
+        widths.append(told[0][1] / told[1][1])
+    with_errors, without = np.mean(inside, axis=0).tolist()
+    return with_errors, without, float(np.median(widths))
+
+
+def test_intervals_beside_known_bodies_hold_where_the_error_follows_the_state_and_stay_where_it_is_noise() -> None:
+    share, without, wide = held_beside_known_bodies(0.1, 0.02)
+    assert share > 0.9 and without < 0.6 and wide > 2.0, (share, without, wide)
+    share, without, wide = held_beside_known_bodies(0.0, 0.1)
+    assert share > 0.9 and without > 0.9 and wide < 1.3, (share, without, wide)
 
 
 def test_intervals_hold_where_the_error_follows_the_state_and_stay_narrow_where_it_is_noise() -> None:

@@ -177,7 +177,7 @@ class Anchored(CauseSearch):
         """Return the variance of a coefficient of the last cause with errors of the model over that without them."""
         slot, weights, every = self._load(chosen), 1.0 / (after.variances * self._factors), errors.model.every
         along = after.covariance[:, self._slot(chosen, -1)[place]].copy()
-        whole = along[self._slot(chosen, -1)[place]]
+        whole = float(along[self._slot(chosen, -1)[place]])
         if slot is not None:
             along[slot] = carried(self._found[tuple(chosen)][2]) @ along[slot]
         full = np.zeros(self.columns.grams.shape[1])

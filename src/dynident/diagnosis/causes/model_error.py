@@ -134,7 +134,8 @@ class FitErrors:
         if self.model.frames is not None:
             total += float(np.sum(np.tensordot(self.model.frames, np.stack(influences, 1) / self.deviations) ** 2))
         freedom = min(total**2 / max(doubt, 1e-300), MANY)
-        return total * float(student_quantile(0.975, freedom) / student_quantile(0.975, MANY)) ** 2
+        student = float(student_quantile(0.975, freedom) / student_quantile(0.975, MANY))
+        return total * student**2
 
 
 def _root_of_inverse(columns: Sequence[Array]) -> Array:
