@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +16,8 @@ from dynident.arrays import Array
 from dynident.case.case import read_case
 from dynident.diagnosis.causes.against_bodies import Anchored
 from dynident.diagnosis.causes.cause_columns import CauseRows
-from dynident.diagnosis.causes.cause_figures import fit_errors
-from dynident.diagnosis.causes.cause_search import Cause
+from dynident.diagnosis.causes.cause_figures import figured
+from dynident.diagnosis.causes.cause_search import Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import MOVED, TURNED, displaced_torques, frame_errors
 from dynident.diagnosis.causes.known_bodies import KnownBodies
 from dynident.diagnosis.causes.model_error import INDEPENDENT, ModelError
@@ -78,7 +77,9 @@ def held_beside_known_bodies(error: float, noise: float) -> tuple[float, float, 
         target = target + error * root @ generator.normal(size=(count, joints)) + noise * band
         rows = CauseRows(blocks, every, bodies, target, target, np.ones(target.shape, bool), float(INDEPENDENT))
         factors, told = np.full(joints, float(INDEPENDENT)), []
-        for errors in (partial(fit_errors, rows, [cause], model), None):
+        search = CauseSearch(rows, [cause])
+        _, own = figured(search, search.blames(), model, lambda cause, beta: cause)
+        for errors in (lambda own=own: own, None):
             (blame,) = Anchored(rows, [cause], known, factors, errors).blames()
             told.append((abs(blame.values[0] - 2.0) < blame.half_widths[0], blame.half_widths[0]))
         inside.append([told[0][0], told[1][0]])

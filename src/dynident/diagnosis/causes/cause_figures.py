@@ -26,8 +26,8 @@ PULLS = ("spring", "counterbalance")
 
 def figured(
     found: CauseSearch, blames: Sequence[Blame], error: ModelError, again: Callable[[Cause, Array], Cause]
-) -> tuple[Blame, ...]:
-    """Return the same causes with their figures beside each other.
+) -> tuple[tuple[Blame, ...], FitErrors]:
+    """Return the same causes with their figures beside each other, and the errors of the model that their fit has.
 
     Args:
         found: The search.
@@ -54,7 +54,7 @@ def figured(
         ((_, times),) = found.worths([(*others, numbers[k])])
         one = _figured(blame, solved, _places(rows, causes, k), errors.widening, times)
         told.append(replace(one, cause=causes[k], rivals=tuple(rivals)))
-    return tuple(replace(one, size=min(one.size, _together(rows, one, told))) for one in told)
+    return tuple(replace(one, size=min(one.size, _together(rows, one, told))) for one in told), errors
 
 
 def _together(rows: CauseRows, blame: Blame, every: Sequence[Blame]) -> float:
@@ -73,11 +73,6 @@ def figure_beside(rows: CauseRows, causes: Sequence[Cause], more: Cause, error: 
     solved = _fit(rows, every)
     widening = _errors(rows, every, solved, error).widening(-1, np.zeros(len(rows.blocks)))
     return float(solved.beta[-1]), float(np.sqrt(solved.covariance[-1, -1] * widening))
-
-
-def fit_errors(rows: CauseRows, causes: Sequence[Cause], error: ModelError) -> FitErrors:
-    """Return the errors of the model that the fit with some causes has."""
-    return _errors(rows, causes, _fit(rows, causes), error)
 
 
 def _figured(

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_columns import CauseRows
-from dynident.diagnosis.causes.cause_figures import figure_beside, figured, fit_errors
+from dynident.diagnosis.causes.cause_figures import figure_beside, figured
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import frame_errors
 from dynident.diagnosis.causes.held_out import judged
@@ -40,8 +40,7 @@ class Trends:
     @cached_property
     def blames(self) -> tuple[Blame, ...]:
         """The causes that are sure, the one that explains most first."""
-        blames = self._found
-        return figured(self._search, blames, self._error, self._made_again) if blames else ()
+        return self._figured[0] if self._found else ()
 
     @cached_property
     def criterion(self) -> float:
@@ -85,7 +84,11 @@ class Trends:
     @cached_property
     def errors(self) -> FitErrors:
         """The errors of the model that the fit with these causes has, those of link frames left out."""
-        return fit_errors(self._rows, [blame.cause for blame in self.blames], replace(self._error, frames=None))
+        return replace(self._figured[1], model=replace(self._error, frames=None))
+
+    @cached_property
+    def _figured(self) -> tuple[tuple[Blame, ...], FitErrors]:
+        return figured(self._search, self._found, self._error, self._made_again)
 
     def _made_again(self, cause: Cause, beta: Array) -> Cause:
         """Return the clock or the lean of the base about bodies of other base parameters, shape (b,)."""
