@@ -12,8 +12,13 @@ from benchmarks.faults import injections as put
 from benchmarks.faults.figures import stated
 from benchmarks.faults.trials import Trial, subject_of, virtual
 
+from dynident.api.log_checks import check_logs
 from dynident.arrays import Array
-from dynident.case.case import read_case
+from dynident.case.case import Case, read_case
+from dynident.data.formats import ColumnMap
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_figures import figured
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
@@ -21,6 +26,12 @@ from dynident.diagnosis.causes.model_error import ModelError
 from dynident.diagnosis.causes.trend_findings import trend_finding
 from dynident.diagnosis.checks.residual_trends import ResidualTrends
 from dynident.diagnosis.checks.torque_delay import TorqueDelay
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.presliding import Presliding
+from dynident.model.friction.viscous import Viscous
+from dynident.model.robot import Robot
 
 
 def figure(trial: Trial, name: str, folder: Path) -> tuple[np.ndarray, float]:
@@ -67,6 +78,23 @@ def test_a_bend_that_no_model_has_widens_the_interval_of_a_delay(tmp_path: Path)
     assert wide.trends.delay[1] > 2 * narrow.trends.delay[1]
     (found,) = TorqueDelay().findings(wide)
     assert abs(found.numbers["delay_s"] - 3.0 * put.step_of(late)) < 1.96 * found.numbers["std_s"]
+
+
+def test_presliding_is_no_delay(planar_2r: Robot, exact_motion: Callable[..., Motion], tmp_path: Path) -> None:
+    """Where it is told as one it is one: a torque that is late beside friction without a memory."""
+    parts, time = (Coulomb(0.01), Viscous(), Presliding(0.01)), np.arange(4000) / 200.0
+    model, told = DynamicModel(planar_2r, parts), []
+    assert planar_2r.nominal is not None
+    for level, late in ((3.0, 0.0), (0.0, 0.02)):
+        motion, behind = (exact_motion(2, time - lag, 0.5, seed=5) for lag in (0.0, late))
+        values = [1.0, 1.0, level, 0.6, 0.5, level]
+        torque = model.torque(model.with_states(behind, 1.0 / 200.0), np.append(planar_2r.nominal, values))
+        torque += 0.01 * np.std(torque, axis=0) * np.random.default_rng(5).normal(size=torque.shape)
+        log = Log(planar_2r.joint_names, time, motion.q, torque=torque)
+        how = Preprocessing(Butterworth(cutoff_hz=5.0), delay_s=None)
+        (found,) = check_logs(Case(planar_2r, parts[:2], ColumnMap(), how), [log])
+        told.append([one["numbers"]["delay_s"] for one in found["findings"] if one["name"] == "torque delay"])
+    assert told[0] == [] and told[1] == [pytest.approx(0.02, abs=1e-3)]
 
 
 def test_a_spring_and_a_counterbalance_that_cancel_have_the_size_of_their_sum() -> None:

@@ -213,6 +213,26 @@ def test_a_delay_beside_presliding_lies_between_none_and_that_without_it(
         assert delay.applied == rows.delay_s == pytest.approx(applied, abs=1e-4)
 
 
+@pytest.mark.parametrize("late", [0, 2])
+@pytest.mark.parametrize("level", [3.0, 0.0])
+def test_presliding_that_a_model_lacks_is_no_delay(
+    planar_2r: Robot, exact_motion: MakeMotion, late: int, level: float
+) -> None:
+    truth = (Coulomb(0.01), Viscous(), Presliding(0.01, damping=True))
+    log = logged(planar_2r, exact_motion, truth, [1.0, 1.0, level, 0.0, 0.6, 0.5, level, 0.0], late, 5)
+    model = DynamicModel(planar_2r, truth[:2])
+    own = model, base_parameters(model), [preprocess(log, HOW)]
+    (alone,), _ = find_delays(*own)
+    (beside,), _ = find_delays(*own, may_lag=False)
+    assert beside.applied * RATE == pytest.approx(late, abs=0.3)
+    if level:
+        assert alone.applied * RATE > late + 2.0
+        found = identify(model, [log], "wls", HOW)
+        assert found.choices.delays is not None and found.choices.delays[0] == beside
+    else:
+        assert beside == alone
+
+
 def test_rows_of_candidates_are_those_of_each_alone(planar_2r: Robot, exact_motion: MakeMotion) -> None:
     log = preprocess(logged(planar_2r, exact_motion, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], 0, 5), HOW)
     model = DynamicModel(planar_2r, (Coulomb(0.01), Viscous()))

@@ -85,7 +85,7 @@ def build_problem(
     model, finest, aside = _within_logs(model, ordered, preprocessing)
     progress("preprocessing")
     plain = tuple(preprocess(log, preprocessing) for log in ordered)
-    prepared, delays = _with_delays(without_optional(model), plain, progress)
+    prepared, delays = _with_delays(without_optional(model), plain, progress, model.lags)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
         shared = SharedRows(model.robot, [log.sparser(ROWS) for log in plain])
@@ -199,7 +199,7 @@ def _with_chosen_fields(
         without = own.delays or ()
         for is_last in (False, True):
             if delay_is_free and found.chosen != last:
-                rows, delays = _with_delays(found.chosen, plain, progress, without)
+                rows, delays = _with_delays(found.chosen, plain, progress, model.lags, without)
                 own = replace(own, **delays)
             if not is_last and (delay_is_free or after):
                 last, found = found.chosen, search(model, rows, after=after)
@@ -220,11 +220,7 @@ def _with_chosen_fields(
 
 
 def predicts_better(
-    model: DynamicModel,
-    logs: Sequence[Prepared],
-    other: DynamicModel,
-    others: Sequence[Prepared],
-    shared: SharedRows,
+    model: DynamicModel, logs: Sequence[Prepared], other: DynamicModel, others: Sequence[Prepared], shared: SharedRows
 ) -> tuple[bool, tuple[FieldChoice, ...]]:
     """Return whether a model predicts held-out stretches better than another one, and what its parts with a state do.
 
@@ -282,11 +278,13 @@ def _with_delays(
     model: DynamicModel,
     plain: Sequence[Prepared],
     progress: Callable[[str], None],
+    may_lag: bool,
     without: Sequence[DelayRecord] = (),
 ) -> tuple[Sequence[Prepared], dict[str, Any]]:
     """Return preprocessed logs with the delay of each taken out, and these delays, where they are asked for.
 
-    ``without`` are the delays as they are told without friction that remembers, where that is known.
+    ``may_lag`` says whether friction that remembers is stated or may be chosen; ``without`` are the delays as they are
+    told without such friction, where that is known.
     """
     if plain[0].how.delay_s is not None:
         return plain, {}
@@ -299,5 +297,5 @@ def _with_delays(
         forgetful = replace(simple, friction=tuple(part for part in simple.friction if not part.lags))
         bounds, _ = find_delays(forgetful, base_parameters(forgetful), plain)
     within = [delay.applied for delay in bounds]
-    delays, prepared = find_delays(simple, base_parameters(simple), plain, within)
+    delays, prepared = find_delays(simple, base_parameters(simple), plain, within, may_lag)
     return prepared, {"delays": delays, "delay_s": common_delay(delays)}

@@ -303,7 +303,7 @@ class _Solve:
         for run in runs:
             scaled = [replace(log, torque=np.asarray(log.current) * gains @ coupling) for log in run]
             plain = [preprocess(log, self.how) for log in scaled]
-            found, _ = find_delays(simple, base_parameters(simple), plain)
+            found, _ = find_delays(simple, base_parameters(simple), plain, may_lag=False)
             applied = [float(delay.applied) for delay in found]
             delays += applied
             hows = [replace(self.how, delay_s=delay) for delay in applied]

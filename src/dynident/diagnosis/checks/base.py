@@ -96,11 +96,11 @@ class CheckedLog:
         model = replace(self.fit.model, friction=(*self.fit.model.friction, *more))  # a bend passes for a lead
         base = base_of(model) if more else self.fit.base
         try:
-            (found,), _ = find_delays(model, base, [self.fit.rows.prepared])
+            (found,), _ = find_delays(model, base, [self.fit.rows.prepared], may_lag=False)
         except DynidentError:
             return None
         sure = abs(found.seconds) > SURE_DELAY * found.std
-        return replace(found, applied=found.seconds if sure else 0.0)
+        return replace(found, applied=found.applied if sure else 0.0)
 
     @cached_property
     def trends(self) -> Trends | None:

@@ -28,6 +28,8 @@ class TorqueDelay(Check):
         if fit is None or delay is None or not delay.applied:
             return []
         std, away = delay.std, delay.seconds - (stated or 0.0)
+        if abs(delay.seconds) < Z95 * std:  # friction that the quick fit lacks leaves it open
+            return []
         slope = np.gradient(fit.rows.torque, np.asarray(fit.rows.prepared.kept.time), axis=0)
         harm = abs(away) * float(np.median(slope.std(axis=0) / np.maximum(fit.rows.torque.std(axis=0), 1e-12)))
         samples = f", {delay.seconds * subject.sound.log.rate:.2f} samples" * (subject.pooled is None)  # rates differ

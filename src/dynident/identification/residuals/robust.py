@@ -63,9 +63,7 @@ def biweight_loss(bound: float) -> Loss:
         return np.maximum(1.0 - (u / bound) ** 2, 0.0)
 
     return Loss(
-        lambda u: u * inside(u) ** 2,
-        lambda u: inside(u) * (1.0 - 5.0 * (u / bound) ** 2),
-        lambda u: inside(u) ** 2,
+        lambda u: u * inside(u) ** 2, lambda u: inside(u) * (1.0 - 5.0 * (u / bound) ** 2), lambda u: inside(u) ** 2
     )
 
 

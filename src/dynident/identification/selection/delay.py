@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -26,8 +27,9 @@ from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.residuals.quantiles import chi_square_tail, normal_share, student_quantile
 from dynident.identification.selection.delay_rows import MOST, PARTS, RANGE, DelayRows, Share, dense_rows
-from dynident.model.base_parameters import BaseParameters
+from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction.presliding import Presliding
 from dynident.model.reduction import Triangle, least_squares, reduce
 
 #: A step below this share of a sample ends the search.
@@ -40,42 +42,57 @@ STEPS, LONGEST_STEP = 25, 0.05
 #: joints do not agree.
 SIGNIFICANT = 2.0
 
+#: Lengths in rad or m of elements of friction that remembers, beside which a delay is found as well, and the share of
+#: the mean square on parts not seen that these leave at most where they have passed for a delay.
+LENGTHS, LEFT = (1e-3, 4e-3, 1.6e-2, 5e-2), 0.5
+
+#: Shares of the delay without such friction at which the search beside it may begin.
+STARTS = (0.0, 0.2, 0.4, 0.7, 1.0)
+
 #: Joints whose delays would differ as much by chance in fewer than this share of logs do not agree.
 CHANCE = 0.05
 
 
 def find_delays(
-    model: DynamicModel, base: BaseParameters, plain: Sequence[Prepared], within: Sequence[float] = ()
+    model: DynamicModel,
+    base: BaseParameters,
+    plain: Sequence[Prepared],
+    within: Sequence[float] = (),
+    may_lag: bool = True,
 ) -> tuple[tuple[DelayRecord, ...], tuple[Prepared, ...]]:
     """Return the delay of each log, and the logs with their motion shifted by it.
 
     Friction that builds up over a distance lags, as a late torque does: beside it a delay lies between none and that
-    which is found without it. What it asks for beyond these is the shape of the friction, not a delay.
+    which is found without it. What it asks for beyond these is the shape of the friction, not a delay. Where a model
+    cannot have such friction and that explains most of what model and delay leave of parts not seen, it counts.
 
     Args:
         model: A model whose friction does not depend on the load.
         base: Its base parameters.
         plain: Preprocessed logs, joints in the order of the robot, motion and torque as they came.
         within: The delays in s without friction that remembers, where the model has some; else none.
+        may_lag: Whether the model has friction that remembers, or is yet to be compared with one that has.
 
     Raises:
         LogMismatch: A log is too short.
     """
     search = _DelaySearch(RegressorStream(model, base), plain)
-    whole, careful = _asked_by_all_rows(search), _away_from_reversals(search)
-    asked = tuple(max(pair, key=lambda one: one.applied) for pair in zip(careful, whole, strict=True))
-    applied = [np.array([delay.applied for delay in found]) for found in (careful, asked)]
-    apart = np.abs(applied[1] - applied[0]) * [log.log.rate for log in plain]
-    if np.any(apart >= SETTLED) and search.unseen(applied[1]) < search.unseen(applied[0]):
-        careful = asked
+    found = search.delays
+    if not (may_lag or model.lags) and any(delay.applied > 0.0 for delay in found):
+        memory = tuple(Presliding(length=length, element=k, damping=True) for k, length in enumerate(LENGTHS, 1))
+        beside = replace(model, friction=(*model.friction, *memory))
+        other = _DelaySearch(RegressorStream(beside, base_parameters(beside)), plain)
+        within = [delay.applied for delay in found]
+        starts = [tuple(replace(one, applied=share * one.applied) for one in found) for share in STARTS]
+        other.move_to(np.array([delay.applied for delay in min(starts, key=other.unseen)]), other.beta)
+        beside_it = _asked_by_all_rows(other)
+        found = beside_it if other.unseen(beside_it) < search.unseen(found) + np.log(LEFT) else found
     if within:
-        ends = [sorted((0.0, seconds)) for seconds in within]
-        careful = tuple(
-            replace(delay, applied=min(max(delay.applied, low), high))
-            for delay, (low, high) in zip(careful, ends, strict=True)
-        )
-    parts = zip(plain, careful, strict=True)
-    return careful, tuple(thinned(log.log, log.how, delay.applied) if delay.applied else log for log, delay in parts)
+        ends = [(min(0.0, seconds), max(0.0, seconds)) for seconds in within]
+        pairs = zip(found, ends, strict=True)
+        found = tuple(replace(one, applied=min(max(one.applied, low), high)) for one, (low, high) in pairs)
+    parts = zip(plain, found, strict=True)
+    return found, tuple(thinned(log.log, log.how, delay.applied) if delay.applied else log for log, delay in parts)
 
 
 def common_delay(delays: Sequence[DelayRecord]) -> float:
@@ -138,13 +155,22 @@ class _DelaySearch:
         shares = [log.shares() for log in self.rows]
         self.beta = _weighted_fit(regressor.base.count, _merged(shares, self._torques(self.seconds)))
 
+    @cached_property
+    def delays(self) -> tuple[DelayRecord, ...]:
+        """Those away from reversals, or of all rows where they lag more and predict parts not seen better."""
+        whole, careful = _asked_by_all_rows(self), _away_from_reversals(self)
+        asked = tuple(max(pair, key=lambda one: one.applied) for pair in zip(careful, whole, strict=True))
+        pairs = zip(asked, careful, self.rows, strict=True)
+        is_apart = any(abs(one.applied - other.applied) * log.rate >= SETTLED for one, other, log in pairs)
+        return asked if is_apart and self.unseen(asked) < self.unseen(careful) else careful
+
     def settled(self, away: BoolArray | None = None, *, pooled: bool = False) -> _Step:
         """Take steps until they are short, and return the last; arguments as of :meth:`step`."""
         away = np.zeros(len(self.rows), bool) if away is None else away
         step = self.step(away, pooled=pooled)
         for left in reversed(range(STEPS)):
             bounded = np.clip(step.seconds, -LONGEST_STEP, LONGEST_STEP)
-            self._move_to(np.clip(self.seconds + bounded, -LONGEST_DELAY, LONGEST_DELAY), step.beta)
+            self.move_to(np.clip(self.seconds + bounded, -LONGEST_DELAY, LONGEST_DELAY), step.beta)
             if not left or np.all(np.abs(bounded) * [log.rate for log in self.rows] < SETTLED):
                 break
             step = self.step(away, pooled=pooled)
@@ -181,12 +207,12 @@ class _DelaySearch:
         seconds, deviation, agree = (np.array(each) for each in zip(*means, strict=True))
         return _Step(solution.beta[:size], seconds, deviation, agree)
 
-    def unseen(self, seconds: Array) -> float:
-        """Return how badly fits under delays (L,) predict parts of the logs that they leave out.
+    def unseen(self, delays: Sequence[DelayRecord]) -> float:
+        """Return how badly fits under delays predict parts of the logs that they leave out.
 
         That is the joints' mean logarithm of the mean square.
         """
-        torques = self._torques(seconds)
+        torques = self._torques(np.array([delay.applied for delay in delays]))
         parts = [_merged([log.part(k) for log in self.rows], torques) for k in range(PARTS)]
         squares, rows = np.zeros(self.regressor.model.robot.dof), np.zeros(self.regressor.model.robot.dof)
         for k, left_out in enumerate(parts):
@@ -196,7 +222,8 @@ class _DelaySearch:
             rows += [triangle.rows for triangle in left_out]
         return float(np.average(np.log(np.maximum(squares, np.finfo(float).tiny) / np.maximum(rows, 1)), weights=rows))
 
-    def _move_to(self, seconds: Array, beta: Array) -> None:
+    def move_to(self, seconds: Array, beta: Array) -> None:
+        """Go on from delays (L,) and base parameters (b,)."""
         self.seconds, self.beta = seconds, beta
         for k, (log, delay) in enumerate(zip(self.rows, seconds.tolist(), strict=True)):
             if not log.low <= delay <= log.high:

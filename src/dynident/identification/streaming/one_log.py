@@ -70,7 +70,7 @@ def settled(setup: StreamSetup, path: Path, progress: Callable[[str], None]) -> 
     preprocessing = with_cutoff(model, [head], preprocessing, progress)[0]
     if preprocessing.delay_s is None:
         progress("time delay between torque and position")
-        (delay,), _ = find_delays(model, base_parameters(model), [preprocess(head, preprocessing)])
+        (delay,), _ = find_delays(model, base_parameters(model), [preprocess(head, preprocessing)], may_lag=False)
         preprocessing = replace(preprocessing, delay_s=delay.applied)
     return preprocessing
 

@@ -141,11 +141,7 @@ def _of_joints(p_values: Array, joints: Sequence[str], fine: str, found: str) ->
 
 
 def diagnose(
-    problem: Problem,
-    estimator: Estimator,
-    beta: Array,
-    folds: int = 5,
-    refit: Callable[[Reduced], Array] | None = None,
+    problem: Problem, estimator: Estimator, beta: Array, folds: int = 5, refit: Callable[[Reduced], Array] | None = None
 ) -> Diagnostics:
     """Return the diagnostics of an estimate.
 

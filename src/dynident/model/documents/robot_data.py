@@ -118,13 +118,8 @@ def _joint_to_dict(joint: Joint) -> dict[str, Any]:
         "axis": joint.axis.tolist(),
         "limits": {name: float(value) if np.isfinite(value) else None for name, value in limits.items()},
         "drive": {name: _plain(getattr(joint.drive, name)) for name in _DRIVE},
-        "mimic": None
-        if joint.mimic is None
-        else {
-            "joint": joint.mimic.joint,
-            "multiplier": float(joint.mimic.multiplier),
-            "offset": float(joint.mimic.offset),
-        },
+        "mimic": (own := joint.mimic)
+        and {"joint": own.joint, "multiplier": float(own.multiplier), "offset": float(own.offset)},
         "damping": _plain(joint.damping),
         "friction": _plain(joint.friction),
     }

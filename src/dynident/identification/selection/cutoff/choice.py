@@ -147,10 +147,7 @@ def _most(judged: Judged) -> str:
 
 
 def with_cutoff(
-    model: DynamicModel,
-    logs: Sequence[Log],
-    how: Preprocessing,
-    progress: Callable[[str], None] = lambda step: None,
+    model: DynamicModel, logs: Sequence[Log], how: Preprocessing, progress: Callable[[str], None] = lambda step: None
 ) -> tuple[Preprocessing, CutoffRecord | None]:
     """Return a preparation whose cut-off is a number, and its choice; as it is, and None, where it is one already.
 

@@ -109,12 +109,7 @@ def reach_of(model: DynamicModel, logs: Sequence[Log]) -> float:
 
 
 def spans_of(
-    part: Friction,
-    asked: str,
-    fastest: float,
-    finest: float = 0.0,
-    longest: float = np.inf,
-    furthest: float = np.inf,
+    part: Friction, asked: str, fastest: float, finest: float = 0.0, longest: float = np.inf, furthest: float = np.inf
 ) -> dict[str, tuple[float, float]]:
     """Return where each field of a part that its option ``asked`` (vary or choose) names is looked for.
 
