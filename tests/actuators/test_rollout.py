@@ -13,7 +13,7 @@ from dynident.actuators.drive_law import preset
 from dynident.actuators.joint_load import measured_loads
 from dynident.actuators.output_error import ServoProblem, log_weights
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
-from dynident.actuators.rollout import FIRST, NONE, STEP, JointRecord, record_of, rolled_out, started
+from dynident.actuators.rollout import FIRST, NONE, STEP, JointRecord, record_of, rolled_out, start_of, started
 from dynident.actuators.rollout_loop import START_Q, START_V
 from dynident.actuators.verdict import known_parameters, spread_of
 from dynident.actuators.virtual import ServoBench, virtual_log
@@ -217,6 +217,18 @@ def test_a_log_that_begins_in_motion_is_started_at_its_speed(records: list[Joint
         assert abs(found.start[1] - whole.dq[first]) < most, (found.start, whole.dq[first], part.says)
         assert np.mean(np.abs(rolled_out(found, true).q - part.q)) < 1e-3
     assert abs(whole.dq[first]) > 1.0
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 200.0])
+def test_a_joint_that_sags_from_rest_begins_at_rest(rate: float) -> None:
+    """A held joint gives way to its weight from the first sample on, by 0.8 rad/s within 30 ms; another one moves."""
+    time, step = np.arange(20) / rate, 2 * np.pi / 4096
+    sags = 0.8 * (time - 0.03 * (1.0 - np.exp(-time / 0.03)))
+    for q, speed, most in ((sags, 0.0, 0.0), (0.8 * time - 1.5 * time**2, 0.8, 0.25)):
+        for phase in (0.0, 0.25, 0.5, 0.75):
+            read = np.round(q / step + phase) * step
+            found = start_of(time, read, np.ones(20, dtype=bool))[0, 1]
+            assert abs(found - speed) <= most, (phase, found)
 
 
 def test_what_a_model_lacks_does_not_move_the_start(records: list[JointRecord]) -> None:

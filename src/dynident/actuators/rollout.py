@@ -108,8 +108,9 @@ class JointRecord:
 def start_of(time: Array, q: Array, read: BoolArray) -> Array:
     """Return position and velocity at the first sample by the first few reads, and their deviations, shape (2, 2).
 
-    A joint that may be at rest, gathering speed within these reads, counts as at rest: a line through them then says
-    more than there is. Else the velocity is that of the line, and its distance from that of a parabola the deviation.
+    A joint that may be at rest, gathering speed within these reads, counts as at rest: polynomials through them then
+    say the less the higher their degree. Else the velocity is that of the line, and its distance from that of the
+    parabola the deviation.
     """
     few = np.flatnonzero(read)[:FIRST]
     levels = np.diff(np.unique(np.round(q[read], 9)))
@@ -118,10 +119,9 @@ def start_of(time: Array, q: Array, read: BoolArray) -> Array:
         return np.array([[q[0], 0.0], [noise, 1.0]])
     stamps = time[few] - time[0]
     noise = max(noise, float(np.sqrt(np.mean(np.diff(q[few], 3) ** 2) / 20.0)))
-    line, parabola = (np.polyfit(stamps, q[few], degree) for degree in (1, 2))
-    slope, bent = float(line[0]), float(parabola[1])
+    slope, bent, cubic = (float(np.polyfit(stamps, q[few], degree)[-2]) for degree in (1, 2, 3))
     scatter = noise / float(np.linalg.norm(stamps - stamps.mean()))
-    rests = abs(bent) <= max(abs(bent - slope), _PARABOLA * scatter)
+    rests = abs(bent) <= max(abs(bent - slope), _PARABOLA * scatter) or 2.0 * abs(cubic) <= abs(bent) <= abs(slope)
     deviation = max(scatter, abs(slope), abs(bent)) if rests else max(scatter, abs(bent - slope))
     return np.array([[q[0], 0.0 if rests else slope], [noise, deviation]])
 
