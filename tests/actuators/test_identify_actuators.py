@@ -75,6 +75,16 @@ def test_roll_outs_that_do_not_follow_are_said_with_the_zero_that_fits(robot: Ro
     assert found is not None and float(found[1]) == pytest.approx(2.02, abs=0.05)
 
 
+@pytest.mark.parametrize(("beside", "is_told"), [(0.33, True), (0.0, False)])
+def test_a_zero_beyond_what_an_angle_offset_makes_up_for_is_asked_for(
+    beside: float, is_told: bool, robot: Robot
+) -> None:
+    """Roll-outs follow with other parameters; the true offset is 0.02 rad."""
+    logs = [replace(log, q=log.q - beside, q_ref=log.q_ref - beside) for log in virtual_logs(robot, parameters())[:3]]
+    joint = identify_actuators(robot, ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1"), logs).joints[0]
+    assert any("state log: zero" in text for text in joint_warnings(joint)) == is_told
+
+
 def test_logs_that_saturate_throughout_and_times_in_ms_are_told(robot: Robot) -> None:
     """Gains of 2 and 6 are read as 2000 and 6000; by the gains as they are nothing of it is said."""
     logs = virtual_logs(robot, parameters())[:3]
