@@ -85,6 +85,17 @@ def test_a_zero_beyond_what_an_angle_offset_makes_up_for_is_asked_for(
     assert any("state log: zero" in text for text in joint_warnings(joint)) == is_told
 
 
+@pytest.mark.parametrize("stated", [9.81, 0.0])
+def test_a_weight_of_the_robot_model_that_the_logs_do_not_show_is_said(stated: float, robot: Robot) -> None:
+    """A joint without weight; with a robot model that knows it only a scale is asked for."""
+    logs = virtual_logs(replace(robot, gravity=np.zeros(3)), parameters())[:2]
+    model = replace(robot, gravity=np.array([0.0, 0.0, stated]))
+    joint = identify_actuators(model, ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1"), logs).joints[0]
+    told = joint_warnings(joint)
+    assert any("no weight sets the scale" in text for text in told)
+    assert any("hangs a weight of up to 1" in text for text in told) == (stated > 0.0)
+
+
 def test_logs_that_saturate_throughout_and_times_in_ms_are_told(robot: Robot) -> None:
     """Gains of 2 and 6 are read as 2000 and 6000; by the gains as they are nothing of it is said."""
     logs = virtual_logs(robot, parameters())[:3]

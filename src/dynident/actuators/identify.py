@@ -16,7 +16,7 @@ from dynident.actuators.joint_load import carrying, joint_loads, load_times, mea
 from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
 from dynident.actuators.parameters import PLACE, with_zero
-from dynident.actuators.poor_fit import EXTRAPOLATION, poor_fit
+from dynident.actuators.poor_fit import EXTRAPOLATION, poor_fit, unseen_weight
 from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, rolled_out, started
 from dynident.actuators.servo_log import (
     AUTO,
@@ -174,6 +174,8 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
         parameters, simple, linear = (
             rescaled(one, law.full_torque[0], inertia) for one in (parameters, simple, linear)
         )
+    elif lacks_scale({one.name: one.label for one in known}):
+        remarks += unseen_weight(data)
     elif law.full_torque is not None:
         remarks += contradiction(known, law.full_torque, law.gain_is_free)
     saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
