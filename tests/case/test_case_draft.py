@@ -57,6 +57,25 @@ def test_a_plain_log_asks_for_nothing(arm: str, six: Robot, motion: dict[str, Ar
         assert words in draft.text
 
 
+@pytest.mark.parametrize("kind", ["warms", "constant", "sparse", "of two joints"])
+def test_logged_temperatures_of_the_drives_are_read(
+    kind: str, arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    names, time = [f"temperature{k}" for k in range(1, 7)], motion["time"]
+    values = np.tile(30.0 + (time if kind != "constant" else 0.0 * time), (6, 1))
+    values[:, 1::2] = np.nan if kind == "sparse" else values[:, 1::2]
+    logged = numbered(motion) | dict(zip(names[: 2 if kind == "of two joints" else 6], values, strict=False))
+    draft = init(arm, write_log(tmp_path / "run.csv", logged), tmp_path)
+    case = read(draft, tmp_path)
+    parts = [part for part in case.friction if FRICTION.name_of(part) == "temperature"]
+    if kind == "warms":
+        assert len(parts) == 1 and parts[0].is_optional and case.columns.temperature == tuple(names)
+        np.testing.assert_allclose(np.asarray(case.read(case.train[0]).temperature), values.T)
+    else:
+        assert not parts and not case.columns.temperature
+        assert ("# temperature: temperature1" in draft.text) == (kind != "of two joints")
+
+
 def test_ripple_of_motors_whose_gear_ratios_are_known_is_left_to_the_logs(
     six: Robot, motion: dict[str, Array], tmp_path: Path
 ) -> None:

@@ -227,9 +227,11 @@ def _ripple(found: Recognised) -> list[str]:
 
 
 def _warm_up(found: Recognised) -> list[str]:
-    """Return the part for drives that warm up, where a log is long enough to tell and states no temperatures."""
+    """Return the part for drives that warm up, by their temperatures or where a log without is long enough to tell."""
+    if found.temperature is not None:
+        return ["  - temperature: {choose: part}   # friction that changes with the logged temperature of the drives"]
     longest = max((one.duration * found.to_seconds for one in found.readings), default=0.0)
-    if "temperature" in found.left_out or longest < WarmUp.ranges["time_constant"].least_log:
+    if longest < WarmUp.ranges["time_constant"].least_log:
         return []
     text = "friction that changes as the drives warm up"
     return [f"  - warm_up: {{time_constant: {_WARMS:g}, choose: [part, time_constant]}}   # {text}"]

@@ -140,6 +140,9 @@ def _columns(found: Recognised) -> list[str]:
         lines.append("    torque: none")
     if "dq" not in found.sources and "dq" not in found.rivals:
         lines.append("    dq: none")
+    if (drives := found.temperature) is not None:
+        value = quoted(drives.pattern) if drives.pattern else listed(drives.columns)
+        lines.append(f"    temperature: {value}   # of the drives, in degrees Celsius; {plain(drives.how)}")
     lines += [f"    # {key}: {plain(why)}" for key, why in found.left_out.items()]
     lines += [f"    # not read: {plain(group.shown())}, {plain(why)}" for group, why in found.refused]
     return lines

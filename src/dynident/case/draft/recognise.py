@@ -44,6 +44,7 @@ from dynident.data.formats._clocked_table import SUM, TimedTable
 from dynident.data.formats._units import RATED, UNITS
 from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn, turns_counted
+from dynident.errors import LogFormatError
 from dynident.model.robot import Robot
 
 #: Commands of servos span at most this many times what the positions span, and at least the inverse.
@@ -80,7 +81,25 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
         return found
     columns = {signal: source.columns for signal, source in found.sources.items()}
     readings = tuple(read_rows(table, found.time, columns) for table in tables)
-    return _by_values(replace(found, readings=readings))
+    return _with_temperature(_by_values(replace(found, readings=readings)), tables)
+
+
+def _with_temperature(found: Recognised, tables: Sequence[LogTable]) -> Recognised:
+    """Return the temperatures of the drives left out where the logs cannot tell what they change."""
+    if (source := found.temperature) is None:
+        return found
+    try:
+        own = [read_rows(table, found.time, {"temperature": source.columns}) for table in tables]
+    except LogFormatError:
+        own = []
+    changes, lengths = any(np.ptp(one.signals["temperature"], axis=0).any() for one in own), [len(r.time) for r in own]
+    why = "" if changes else "they do not change"
+    if lengths != [len(reading.time) for reading in found.readings]:
+        why = "cells without a number"
+    if len(source.columns) != len(found.sources["q"].columns) or found.is_large:
+        why = "one column per joint is needed, in logs that are read as a whole"
+    text = {"temperature": f"{source.shown()}: for the friction part temperature; {why}"}
+    return replace(found, temperature=None, left_out={**found.left_out, **text}) if why else found
 
 
 def cutoff_of(found: Recognised) -> float:
@@ -120,7 +139,7 @@ def _by_names(found: Recognised) -> Recognised:
     if "torque" in sources and "current" in sources:
         left_out["current"] = f"{sources.pop('current').shown()} are there as well; the torques are read"
     if "temperature" in sources:
-        left_out["temperature"] = f"{sources.pop('temperature').shown()}: for the friction part temperature"
+        found = replace(found, temperature=sources.pop("temperature"))
     rivals = dict(choice.rivals)
     if "dq" in rivals:
         both = " or ".join(group.shown() for group in rivals.pop("dq"))

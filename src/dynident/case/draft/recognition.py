@@ -69,6 +69,7 @@ class Recognised:
         still: Position in rad or m of the joints that stand still.
         stepping: Joints that jump between a few positions: the middle of these in rad or m, and how many they are.
         left_out: Signals whose columns were found and are not read, and why.
+        temperature: The temperatures of the drives; None where none are read.
         likely_effort: Columns that may be the torques or currents that a profile does not read; empty for none.
         is_large: Whether the logs that train are reduced as a stream.
         turn: A whole turn after which positions start again, in the file's unit; 0 where they do not.
@@ -96,6 +97,7 @@ class Recognised:
     still: Mapping[str, float] = field(default_factory=dict)
     stepping: Mapping[str, tuple[float, int]] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
+    temperature: SignalSource | None = None
     likely_effort: str = ""
     is_large: bool = False
     turn: float = 0.0
