@@ -17,7 +17,7 @@ from dynident.case.case import read_case
 from dynident.diagnosis.causes.against_bodies import Anchored
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_figures import figured
-from dynident.diagnosis.causes.cause_search import Cause, CauseSearch
+from dynident.diagnosis.causes.cause_search import CLOSE, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import MOVED, TURNED, displaced_torques, frame_errors
 from dynident.diagnosis.causes.known_bodies import KnownBodies
 from dynident.diagnosis.causes.model_error import INDEPENDENT, ModelError
@@ -76,14 +76,17 @@ def held_beside_known_bodies(error: float, noise: float) -> tuple[float, float, 
         target = np.stack([block @ beta for block in blocks], axis=1) + 2.0 * cause.columns[0]
         target = target + error * root @ generator.normal(size=(count, joints)) + noise * band
         rows = CauseRows(blocks, every, bodies, target, target, np.ones(target.shape, bool), float(INDEPENDENT))
-        factors, told = np.full(joints, float(INDEPENDENT)), []
+        factors, told, doubts = np.full(joints, float(INDEPENDENT)), [], list[float]()
         search = CauseSearch(rows, [cause])
         _, own = figured(search, search.blames(), model, lambda cause, beta: cause)
         for errors in (lambda own=own: own, None):
-            (blame,) = Anchored(rows, [cause], known, factors, errors).blames()
+            anchored = Anchored(rows, [cause], known, factors, errors)
+            (blame,) = anchored.blames()
             told.append((abs(blame.values[0] - 2.0) < blame.half_widths[0], blame.half_widths[0]))
+            doubts.append(anchored.distinct(anchored.fit([0]), [0]))
         inside.append([told[0][0], told[1][0]])
         widths.append(told[0][1] / told[1][1])
+        assert doubts == pytest.approx([CLOSE * widths[-1] ** 2, CLOSE])  # what is told from another cause likewise
     with_errors, without = np.mean(inside, axis=0).tolist()
     return with_errors, without, float(np.median(widths))
 

@@ -167,11 +167,20 @@ class Anchored(CauseSearch):
 
     def _blame(self, before: Solved, after: Solved, chosen: Sequence[int], counted: tuple[Array, float]) -> Blame:
         blame = super()._blame(before, after, chosen, counted)
-        if self._errors is None:
-            return blame
-        errors = self._errors()
-        roots = np.sqrt([self._widening(after, chosen, place, errors) for place in range(len(blame.values))])
+        roots = np.sqrt(self._widenings(after, chosen))
         return replace(blame, covariance=blame.covariance * np.outer(roots, roots))
+
+    def distinct(self, after: Solved, chosen: Sequence[int]) -> float:
+        # a quasi-likelihood: logarithms of likelihoods count less by as much (McCullagh and Nelder 1989, chapter 9)
+        return super().distinct(after, chosen) * float(np.mean(self._widenings(after, chosen)))
+
+    def _widenings(self, after: Solved, chosen: Sequence[int]) -> Array:
+        """Return by how much errors of the model widen the variances of the told coefficients of the last cause."""
+        told = self.causes[chosen[-1]].told
+        if self._errors is None:
+            return np.ones(told)
+        errors = self._errors()
+        return np.array([self._widening(after, chosen, place, errors) for place in range(told)])
 
     def _widening(self, after: Solved, chosen: Sequence[int], place: int, errors: FitErrors) -> float:
         """Return the variance of a coefficient of the last cause with errors of the model over that without them."""

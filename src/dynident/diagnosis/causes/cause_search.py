@@ -338,10 +338,14 @@ class CauseSearch:
             return None
         likeliest = max(sure, key=lambda k: sure[k])
         ((best, k, after, counted),) = [each for each in tried if each[1] == likeliest]
-        others = sorted((each for each in tried if each[1] != k), key=lambda each: -each[0])
-        close = [each for each in others if best - each[0] < CLOSE][:RIVALS]
+        far, others = self.distinct(after, [*chosen, k]), sorted((e for e in tried if e[1] != k), key=lambda e: -e[0])
+        close = [each for each in others if best - each[0] < far][:RIVALS]
         rivals = tuple(self._blame(before, solved, [*chosen, other], own) for _, other, solved, own in close)
         return k, after, replace(self._blame(before, after, [*chosen, k], counted), rivals=rivals)
+
+    def distinct(self, after: Solved, chosen: Sequence[int]) -> float:
+        """Return the difference of the criteria from which the last cause of a fit is told from another one."""
+        return CLOSE
 
     def _pair(self, chosen: list[int]) -> list[int]:
         """Return two causes that are sure beside each other, where none is alone; nothing where there are none.
@@ -370,16 +374,12 @@ class CauseSearch:
         return []
 
     def _blame(self, before: Solved, after: Solved, chosen: Sequence[int], counted: tuple[Array, float]) -> Blame:
-        worth, times = counted
-        cause, size = self.causes[chosen[-1]], len(self._places[chosen[-1]])
-        values = after.beta[-size:]
-        covariance = after.covariance[-size:, -size:] * times
+        (worth, times), cause, size = counted, self.causes[chosen[-1]], len(self._places[chosen[-1]])
+        values, covariance = after.beta[-size:], after.covariance[-size:, -size:] * times
         torque = np.tensordot(values, cause.columns, 1)
         values, covariance = values[: cause.told], covariance[: cause.told, : cause.told]
-        masks, measured = self.rows.masks, self.rows.measured
-        counts = self.rows.counts
-        own = np.sqrt(np.sum(np.where(masks, torque, 0.0) ** 2, axis=0) / counts)
-        whole = np.sqrt(np.sum(np.where(masks, measured, 0.0) ** 2, axis=0) / counts)
+        masks, measured, counts = self.rows.masks, self.rows.measured, self.rows.counts
+        own, whole = (np.sqrt(np.sum(np.where(masks, one, 0.0) ** 2, axis=0) / counts) for one in (torque, measured))
         size_of_all = max(float(np.linalg.norm(whole)), 1e-300)
         return Blame(
             cause,
