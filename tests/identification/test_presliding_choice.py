@@ -286,5 +286,13 @@ def test_lengths_are_at_least_the_resolution(planar_2r: Robot, exact_motion: Mak
     short = identify(left_open, [replace(far, q=np.round(far.q / 0.02) * 0.02)], "wls", replace(HOW, delay_s=0.0))
     said = [each for each in warnings_of(short) if each.startswith("presliding length 0.02 is the least value")]
     assert len(said) == 1 and "log finer positions" in said[0]
+    (moved,) = [each for each in warnings_of(short) if each.startswith("presliding: the given length 0.003 is below")]
+    assert "0.02 rad" in moved and moved.endswith("log finer positions at a higher rate to identify it")
+    (row,) = [each for each in short.choices.chosen_fields or () if each.field == "length"]
+    assert (row.stated, row.best) == (3e-3, pytest.approx(0.02)) and row.not_tried.startswith("0.003 is below")
+    chosen = replace(stated, friction=(*stated.friction[:2], Presliding(3e-3, choose=("part", "length"))))
+    found = identify(chosen, [replace(far, q=np.round(far.q / 5e-3) * 5e-3)], "wls", replace(HOW, delay_s=0.0))
+    assert {each.stated for each in found.choices.chosen_fields or () if each.field == "length"} == {3e-3}
     inside = identify(left_open, [far], "wls", replace(HOW, delay_s=0.0))
+    assert not [each for each in warnings_of(inside) if "the given length" in each]
     assert not [each for each in warnings_of(inside) if each.startswith("presliding length")]

@@ -14,7 +14,7 @@ from dynident.diagnosis.verdict import check_warnings, quality_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import CutoffSensitivity
-from dynident.model.friction import called
+from dynident.model.friction import WHOLE, called
 
 #: Total relative error of the fit above which a model explains too little.
 POOR_FIT = 0.25
@@ -99,6 +99,13 @@ def _at_ends(estimate: Estimate) -> list[str]:
         if each.end:
             end = "least" if each.end < 0 else "largest"
             lines.append(f"{each.part} {each.field} {each.value:.3g} is the {end} value that was tried, {remedy}")
+    for held in estimate.choices.chosen_fields or ():
+        if held.not_tried and held.field != WHOLE and held.part in parts:
+            finer = "finer positions at a higher rate" if held.best > held.stated else "larger motions"
+            more = finer if parts[held.part].ranges[held.field].is_distance else "longer from a cold start"
+            where = f" ({', '.join(held.joints)})" if held.joints else ""
+            start = f"{held.part}{where}: the given {held.field} {held.not_tried}; the search began at {held.best:.3g}"
+            lines.append(f"{start}: log {more} to identify it")
     return lines
 
 

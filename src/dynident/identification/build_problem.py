@@ -92,7 +92,9 @@ def build_problem(
         search = partial(search_friction, progress=progress, finest=finest, shared=shared)
         model, prepared, choices = _with_chosen_fields(model, plain, (prepared, choices), progress, search, shared)
     if aside:
-        choices = replace(choices, chosen_fields=(*(choices.chosen_fields or ()), *aside))
+        given = {(each.part, each.field): each.stated for each in aside}
+        told = [replace(it, stated=given.get((it.part, it.field), it.stated)) for it in choices.chosen_fields or ()]
+        choices = replace(choices, chosen_fields=(*told, *aside))
     if has_varying(model):
         model, varied = vary_fields(model, prepared, progress, finest)
         choices = replace(choices, non_linear=tuple(varied))
@@ -130,8 +132,7 @@ def _within_logs(
             longest log, or a cycle beyond the motion.
     """
     finest, longest = _resolution(model, logs), max(float(log.time[-1] - log.time[0]) for log in logs)
-    furthest = reach_of(model, logs)
-    lack_temperatures = any(log.temperature is None for log in logs)
+    furthest, lack_temperatures = reach_of(model, logs), any(log.temperature is None for log in logs)
     parts, aside = list[Friction](), list[FieldChoice]()
     for stated in model.friction:
         part, spans = _within_cycle(model, stated, logs, how), stated.ranges.items()
@@ -147,17 +148,17 @@ def _within_logs(
             aside.append(FieldChoice(called(stated), joints, WHOLE, 0.0, 0.0, 0.0, 0.0, None, reason))
         if part is None:
             continue
-        least, left_open = finest_of(model, part, finest), (*(part.choose or ()), *(part.vary or ()))
-        moved: dict[str, Any] = {}
+        least, left_open, moved = finest_of(model, part, finest), (part.choose or (), part.vary or ()), dict[str, Any]()
         for name, span in spans:
             value, low = getattr(part, name), least if span.is_distance else 0.0
             high = furthest if span.is_distance else longest if span.is_duration else np.inf
             if 0.999 * low <= value <= high:
                 continue
             why, step = _beyond(span.is_distance, value < low, low, high)
-            if name not in left_open:
+            if not any(name in those for those in left_open):
                 raise LogMismatch(logs[0].name, f"{called(part)}: {name} {value:g} {why}", step)
-            moved[name] = low if value < low else high
+            end = moved[name] = low if value < low else high
+            aside.append(FieldChoice(called(part), part.joints, name, value, end, end, 0.0, None, f"{value:g} {why}"))
         parts.append(replace(part, **moved) if moved else part)
     model = replace(model, friction=tuple(parts)) if tuple(parts) != model.friction else model
     return model, finest, tuple(aside)

@@ -88,9 +88,8 @@ def find_delays(
         beside_it = _asked_by_all_rows(other)
         found = beside_it if other.unseen(beside_it) < search.unseen(found) + np.log(LEFT) else found
     if within:
-        ends = [(min(0.0, seconds), max(0.0, seconds)) for seconds in within]
-        pairs = zip(found, ends, strict=True)
-        found = tuple(replace(one, applied=min(max(one.applied, low), high)) for one, (low, high) in pairs)
+        pairs = [(one, *sorted((0.0, end))) for one, end in zip(found, within, strict=True)]
+        found = tuple(replace(one, applied=min(max(one.applied, low), high)) for one, low, high in pairs)
     parts = zip(plain, found, strict=True)
     return found, tuple(thinned(log.log, log.how, delay.applied) if delay.applied else log for log, delay in parts)
 
