@@ -221,6 +221,31 @@ def test_the_mass_of_all_links_stands_with_what_the_data_say_of_it(
             masses = np.array([estimate.theta[9:20:10].sum(), 1.1 * robot.nominal[9:20:10].sum()])
             assert 0 < half < 0.1 * masses[1] and abs(masses[0] - masses[1]) < 2 * half
             assert f"kg in all (± {half:.2g}, 95 %)" in line
+            wide = replace(estimate, standard_deviations=np.full(len(estimate.theta), 10.0))
+            assert short_answer.bodies_line(wide).endswith(
+                "beyond its interval, though no single link's mass is beyond its own"
+            )
+
+
+@pytest.mark.parametrize("stated", [0.02, 0.0])
+def test_rotor_inertias_beside_stated_ones_are_said_to_be_so(
+    stated: float, planar_2r: Robot, exact_log: Callable[..., Log]
+) -> None:
+    joints = [replace(own, drive=replace(own.drive, rotor_inertia=stated)) for own in planar_2r.joints]
+    robot = replace(planar_2r, joints=tuple(joints))
+    model = DynamicModel(robot, tuple(map(FRICTION.make, ("viscous", "rotor_inertia"))))
+    assert robot.nominal is not None
+    log = exact_log(model, np.append(robot.nominal, [0.3, 0.2, 0.05, 0.05]), noise=0.05)
+    lines = short_answer.summary_lines(identify(model, [log], "wls", Preprocessing(AsGiven(), rest="keep")), None)
+    told = [line for line in lines if "beside what the robot model states" in line]
+    assert told == (
+        [
+            "rotor inertias are those beside what the robot model states, which may be less than 0: "
+            "Ia[joint1] 0.02, Ia[joint2] 0.02"
+        ]
+        if stated
+        else []
+    )
 
 
 def test_the_furthest_mass_stands_with_its_interval_and_only_where_that_does_not_hold_the_nominal_one(

@@ -76,9 +76,23 @@ def summary_lines(estimate: Estimate, test: Validation | None) -> list[str]:
     Of one that the log checks speak against links and parameters mean nothing: they are left out.
     """
     is_sound = not causes_against(estimate)
-    bodies = [bodies_line(estimate), *plausibility_lines(estimate, test), parameters_line(estimate)]
+    bodies = [
+        bodies_line(estimate),
+        *plausibility_lines(estimate, test),
+        parameters_line(estimate),
+        rotors_line(estimate),
+    ]
     known = [*(bodies if is_sound else []), data_line(estimate), checks_line(estimate)]
     return [line for line in (*known, missing_reason(estimate)) if line]
+
+
+def rotors_line(estimate: Estimate) -> str:
+    """Return which rotor inertias stand beside one that the robot model states; empty where there are none."""
+    beside = {one.name: -one.least for one in estimate.model.parameters if one.least < 0.0}
+    if not beside:
+        return ""
+    stated = ", ".join(f"{label(name)} {value:.3g}" for name, value in beside.items())
+    return f"rotor inertias are those beside what the robot model states, which may be less than 0: {stated}"
 
 
 def bodies_line(estimate: Estimate) -> str:
@@ -104,6 +118,8 @@ def bodies_line(estimate: Estimate) -> str:
     if not told:
         return f"{line}; {whole}"
     away = [each for each in told if not abs(each.mass[1] - each.mass[0]) <= widths.get(each.link, 0.0)]
+    if not away and half is not None and abs(totals[1] - totals[0]) > half:
+        return f"{line}; {whole}: beyond its interval, though no single link's mass is beyond its own"
     if not away:
         return f"{line}; {whole}; no mass of a link differs from the robot model's beyond its 95 % interval"
     furthest = max(away, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
