@@ -58,6 +58,8 @@ class Trials:
         self._file = folder / f"input{target.suffix}"
         self._name = str(self._file)
         cache = os.environ.get("NUMBA_CACHE_DIR", "")
+        if cache:  # where a folder of its own is made while an input is read, that passes for an escape
+            os.makedirs(cache, exist_ok=True)
         self._own = tuple(f"{os.path.realpath(place)}{os.sep}" for place in (folder, cache) if str(place))
         self._watch = False
         self.score: Counter[str] = Counter()
