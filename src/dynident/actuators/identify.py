@@ -169,15 +169,16 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
     remarks = _remarks(data, kp, fit.parameters)
     inertia = float(np.mean([np.mean(one.loads[:, 0]) for one in data.train]))
     known = as_ratios(known, spread, inertia)
-    if law.full_torque is not None and lacks_scale({one.name: one.label for one in known}) and not law.gain_is_free:
+    is_scaleless = lacks_scale({one.name: one.label for one in known})
+    if law.full_torque is not None and is_scaleless and not law.gain_is_free:
         known = at_torque(known, law.full_torque, inertia)
         parameters, simple, linear = (
             rescaled(one, law.full_torque[0], inertia) for one in (parameters, simple, linear)
         )
-    elif lacks_scale({one.name: one.label for one in known}):
-        remarks += unseen_weight(data)
     elif law.full_torque is not None:
         remarks += contradiction(known, law.full_torque, law.gain_is_free)
+    elif is_scaleless:
+        remarks += unseen_weight(data)
     saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
     known, combinations = _known_together(data, known, parameters, "gain_ratio" in fit.free, kp)
     test = [started(one, fit.parameters, FIRST) for one in data.test]

@@ -117,6 +117,13 @@ def start_rows(log: ServoLog, joint: int, load: JointLoad, motion: MeasuredMotio
     )
 
 
+def has_weight(rows: Sequence[StartRows]) -> bool:
+    """Return whether a weight that changes with the angle of the joint is a part of the torque of the rigid body."""
+    slope = max(float(np.abs(one.slope).max()) for one in rows)
+    most = max(float(np.abs(one.target).max()) for one in rows)
+    return slope > WEIGHTLESS * most
+
+
 def limited_goal(time: Array, command: Array, slew: float) -> Array:
     """Return the goal inside the drive, shape (K,), that follows a command (K,) at a speed limited to slew in rad/s."""
     if not np.isfinite(slew):
@@ -227,11 +234,7 @@ def _regression(
     """Return the parameters at one delay and slew limit, and the share of saturated samples."""
     has_load = "load_motor" in friction.free
     names = ["full_torque", "viscous", "coulomb", "armature"]
-    slope, most = (
-        max(float(np.abs(part).max()) for part in parts)
-        for parts in zip(*((one.slope, one.target) for one in rows), strict=True)
-    )
-    if slope > WEIGHTLESS * most:
+    if has_weight(rows):
         names.append("angle_offset")
     if not law.controls_torque:
         names.insert(1, "back_emf")

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from dynident.actuators.joint_fit import JointData
-from dynident.actuators.linear_start import REST, WEIGHTLESS, StartRows, duty_of
+from dynident.actuators.linear_start import REST, StartRows, duty_of, has_weight
 from dynident.actuators.rollout import encoder_step, mean_errors
 from dynident.arrays import Array, BoolArray
 
@@ -67,12 +67,9 @@ def poor_fit(data: JointData, parameters: Array) -> str:
 
 def unseen_weight(data: JointData) -> tuple[str, ...]:
     """Return that logs show no weight of a joint on which the robot model hangs one; nothing where it has none."""
-    slope, weight, most = (
-        max(float(np.abs(part).max()) for part in parts)
-        for parts in zip(*((one.slope, one.external, one.target) for one in data.rows), strict=True)
-    )
-    if slope <= WEIGHTLESS * most:
+    if not has_weight(data.rows):
         return ()
+    weight = max(float(np.abs(one.external).max()) for one in data.rows)
     return (
         f"the robot model hangs a weight of up to {weight:.2g} N m on it, of which logs show none: friction hides it, "
         "or the direction of its axis, the angle where its encoder reads 0 (log: zero) or gravity is another",

@@ -11,7 +11,7 @@ import numpy as np
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.joint_fit import SATURATED, JointData
 from dynident.actuators.joint_load import JointLoad, measured_loads, measured_motion, rigid_inertia, with_payload
-from dynident.actuators.linear_start import WEIGHTLESS, free_parameters, refinable, start_rows
+from dynident.actuators.linear_start import free_parameters, has_weight, refinable, start_rows
 from dynident.actuators.nominal_servo import RESOLUTION, NominalServo
 from dynident.actuators.output_error import ServoProblem
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
@@ -336,9 +336,7 @@ def _simulated(joint: _Joint, motion: ServoMotion, servo: NominalServo, gains: S
 def _known(data: JointData, servo: NominalServo) -> tuple[Known, ...]:
     """Return what ``identify`` would know from logs of the nominal servo, with names for what is known together."""
     law, model, values = servo.law, FRICTION_MODELS[servo.friction], servo.parameters.copy()
-    slope = max(float(np.abs(one.slope).max()) for one in data.rows)
-    most = max(float(np.abs(one.target).max()) for one in data.rows)
-    if slope <= WEIGHTLESS * most:
+    if not has_weight(data.rows):
         values[PLACE["angle_offset"]] = 0.0
     saturated = np.concatenate([rolled_out(one, values).saturated for one in data.train])
     has_gain = law.gain_is_free and float(np.mean(saturated)) > SATURATED

@@ -70,10 +70,11 @@ def with_drive_friction(case: Case) -> Case:
 
     Held-out samples decide on rotor inertia and on the width of the sign, as in drafts. A case file stays as it is.
     """
-    parts = auto_friction(case.robot)
+    if case.path:
+        return case
     names = {*default_friction(), "rotor_inertia"}
-    own = tuple(part for part in parts if FRICTION.name_of(part) in names)
-    return case if case.path else replace(case, friction=own)
+    own = tuple(part for part in auto_friction(case.robot) if FRICTION.name_of(part) in names)
+    return replace(case, friction=own)
 
 
 def _with_preprocessing(case: Case, options: CaseOptions) -> Case:
