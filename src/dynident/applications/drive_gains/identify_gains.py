@@ -34,8 +34,8 @@ AGREED = 1e-4
 #: How often it is told what rows are worth beside what is known of the bodies, from the residual of the fit before.
 WORTHS = 2
 
-#: Torque of a drive in N m at most while the delay of the currents is sought: a gain that is not determined may grow past
-#: all bounds; it is lowered so far, as the currents have to read as torques and no factor of a drive's rows moves it.
+#: Torque of a drive in N m at most while the delay of the currents is sought: a gain that is not determined grows past
+#: all bounds; it is lowered so far, as currents have to read as torques and no factor of a drive's rows moves the delay.
 LARGEST_TORQUE = 1e6
 
 Progress = Callable[[str], None]
