@@ -35,7 +35,7 @@ AGREED = 1e-4
 WORTHS = 2
 
 #: Torque of a drive in N m at most while the delay of the currents is sought: a gain that is not determined grows past
-#: all bounds; it is lowered so far, as currents have to read as torques and no factor of a drive's rows moves the delay.
+#: all bounds; it is lowered so far, as currents have to read as torques and no factor of a drive's rows moves it.
 LARGEST_TORQUE = 1e6
 
 Progress = Callable[[str], None]
