@@ -272,6 +272,8 @@ def test_other_verbs_take_files_and_lists(arm: Any, tmp_path: Path) -> None:
     case.write_text(f"case: 2\nrobot: {robot}\nfriction: [viscous, offset]\ntrain: run.csv\nsplit: first:0.6\n")
     listed, written = (list(di.compare(given, ["ols", "wls"])) for given in (str(case), di.read_case(case)))
     assert [one.method for one in listed] == [one.method for one in written] == ["ols", "wls"]
+    given = list(di.compare(robot, ["ols", "wls"], di.log_of(log, robot).split(0.6)))
+    assert [one.method for one in given] == ["ols", "wls"]
     with pytest.raises(di.BadArgument, match="int where a robot is wanted"):
         list(di.compare(3))  # type: ignore[arg-type]
     with pytest.raises(di.BadArgument, match="list where a robot is wanted"):
@@ -332,7 +334,8 @@ def test_torques_in_another_unit_are_not_accepted(arm: Any) -> None:
             "estimator: bool where a name or a part is wanted",
         ),
         (lambda robot, log, estimate: estimate.summary(log), "test: dict where a Validation is wanted"),
-        (lambda robot, log, estimate: list(di.compare(robot, ["ols"], log)), "data: dict where CaseData is wanted"),
+        (lambda robot, log, estimate: list(di.compare(robot, ["ols"], log)), "data: dict where logs to learn from and"),
+        (lambda robot, log, estimate: list(di.compare(robot, ["ols"], (log, 3))), "data: int where logs are wanted"),
         (lambda robot, log, estimate: di.write_report(estimate, "a.html"), "estimate: str where an Estimate is wanted"),
         (lambda robot, log, estimate: estimate.plot_torques(joints=0), "joints: 0 where the robot has"),
         (lambda robot, log, estimate: di.init(robot, log), "logs: dict where a file is wanted"),

@@ -13,6 +13,7 @@ from dynident.arrays import Array
 from dynident.case.constraints_file import read_constraints
 from dynident.case.link_volume import mesh_volume
 from dynident.case.mesh_bounds import with_mesh_points
+from dynident.cli.main import main
 from dynident.errors import DescriptionError, FileError
 from dynident.model.plausible import link_points, plausible_constraints, shape_points
 from dynident.model.robot import Robot, rotation_about
@@ -214,6 +215,15 @@ def test_what_no_density_can_be_is_named(tmp_path: Path, unit: float, triangles:
     write_stl(tmp_path / "upper.stl", box_triangles(SIZE * unit, CENTRE * unit)[-triangles:])
     with pytest.raises((DescriptionError, FileError), match=words):
         constraints(tmp_path, f"links: {{upper: {{{text}}}}}")
+
+
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
+def test_inspect_names_a_mesh_in_another_unit(tmp_path: Path, unit: float, capsys: pytest.CaptureFixture[str]) -> None:
+    write_stl(tmp_path / "upper.stl", box_triangles(SIZE * unit, CENTRE * unit))
+    assert main(["inspect", arm(tmp_path, "upper.stl")[1]]) == 0
+    shown = capsys.readouterr().out
+    assert ("it is 529 m large where the frames of upper are" in shown) == (unit == 1000.0)
+    assert ('in millimetres?; write scale="0.001' in shown) == (unit == 1000.0)
 
 
 def test_a_link_without_shapes_and_a_missing_mesh_have_no_volume(tmp_path: Path) -> None:

@@ -514,6 +514,14 @@ def test_an_option_that_is_not_there_is_named_with_the_nearest(
     assert capsys.readouterr().err.splitlines() == [said, "'dynident identify --help-all' lists all options"]
 
 
+def test_names_of_estimators_apart_are_answered_with_the_line_that_works(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", "er16", "--estimators", "wls", "consistent"]) == 2
+    said = "error: 'compare' does not take 'consistent'; write names with commas: --estimators wls,consistent"
+    assert capsys.readouterr().err.splitlines()[0] == said
+    assert main(["compare", "er16", "a.csv", "--estimators", "wls", "b.csv"]) == 2
+    assert "it takes CASE|ROBOT LOG and options" in capsys.readouterr().err
+
+
 def test_a_word_too_many_is_answered_with_what_the_command_takes(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["inspect", "arm.urdf", "payload=2"]) == 2
     said = "error: 'inspect' does not take 'payload=2'; it takes CASE|ROBOT|PLAN and options"

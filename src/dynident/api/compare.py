@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dynident.api.case_logs import CaseData, read_data
 from dynident.api.case_options import cut, estimator_of, prior_of
-from dynident.api.given_logs import case_of
+from dynident.api.given_logs import LogLike, case_of, logs_of
 from dynident.api.log_checks import check_logs, refuse_faulty, warn_of
 from dynident.case.case import Case
 from dynident.diagnosis.verdict import errors_in
@@ -24,7 +24,7 @@ from dynident.studies.comparison.truth import read_truth
 def compare(
     case: Case | str | Path,
     estimators: str | Sequence[str] = "all",
-    data: CaseData | None = None,
+    data: CaseData | tuple[LogLike | Sequence[LogLike], LogLike | Sequence[LogLike]] | None = None,
     truth: str | None = None,
     progress: Callable[[str], None] = lambda step: None,
     checks: bool = True,
@@ -37,7 +37,8 @@ def compare(
     Args:
         case: The case, or its file.
         estimators: Names with their options, as :func:`methods_of` reads them, or a list of them.
-        data: Logs to learn from and to test on; None for those of the case.
+        data: Logs to learn from and logs to test on, a pair, each as :func:`identify` takes them; None for those of
+            the case.
         truth: File with the parameters of a simulated robot; None where they are not known.
         progress: Called with each step in words.
         checks: Make the log checks.
@@ -51,16 +52,28 @@ def compare(
     """
     case = case_of(case, learns=True)
     methods = methods_of(case, estimators if isinstance(estimators, str) else ",".join(estimators))
-    if not isinstance(data, CaseData | None):
-        step = "give a case file that names its logs under train and test, or data=CaseData(train, test)"
-        raise BadArgument("data", f"{type(data).__name__} where CaseData is wanted", step)
-    data = data or read_data(case)
+    data = read_data(case) if data is None else _data_of(data, case)
     if checks:
         quality = check_logs(case, data.train, progress)
         refuse_faulty(quality, strict)
         warn_of(errors_in(quality))
     contest = contest_of_case(case, data, truth=truth, progress=progress)
     yield from compare_methods(contest, methods, progress=progress)
+
+
+def _data_of(given: object, case: Case) -> CaseData:
+    """Return logs to learn from and to test on.
+
+    Raises:
+        BadArgument: No such pair, or something else in place of a log.
+    """
+    if isinstance(given, CaseData):
+        return given
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        evidence = f"{type(given).__name__} where logs to learn from and logs to test on are wanted"
+        raise BadArgument("data", evidence, "write data=(train, test), each a log or a list of logs")
+    train, test = (logs_of(each, case.robot, case.read, "data") for each in given)
+    return CaseData(tuple(train), tuple(test))
 
 
 def contest_of_case(

@@ -277,7 +277,8 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
 
 
 def _show_meshes(case: Case) -> None:
-    """Say where mesh files are missing: clearance checks and the sizes of bodies need them."""
+    """Say where mesh files are missing, or say nothing about their links: clearances and sizes of bodies need them."""
+    from dynident.case.mesh_bounds import with_mesh_points
     from dynident.cli import console
     from dynident.results.text import label
     from dynident.robot_files.mesh_files import mesh_count, missing_meshes
@@ -295,6 +296,12 @@ def _show_meshes(case: Case) -> None:
         for mesh in missing:
             kind = " (visual)" if mesh.is_visual else ""
             console.answer(f"  {label(mesh.link)}: {label(mesh.file)}{kind}, {label(mesh.reason)}")
+    lacking = {mesh.link for mesh in missing}
+    faults = [fault for fault in with_mesh_points(case.robot, case.robot_path, folders)[1] if fault.link not in lacking]
+    if faults:
+        console.answer("\nmeshes that say nothing about the size of their link:")
+        for fault in faults:
+            console.answer(f"  {label(fault.link)}: {label(fault.evidence)}; {label(fault.remedy)}")
 
 
 def _show_weak(base: BaseParameters) -> None:

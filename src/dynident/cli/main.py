@@ -133,7 +133,7 @@ def _done(words: list[str]) -> int:
             parser.print_help()
         return 2
     if unknown:
-        remark(_not_taken(unknown[0], options.command, _parser_of(parser, options.command)))
+        remark(_not_taken(unknown[0], options, _parser_of(parser, options.command)))
         remark(f"'dynident {options.command} {WHOLE}' lists all options")
         return 2
 
@@ -155,15 +155,19 @@ def _done(words: list[str]) -> int:
     return code
 
 
-def _not_taken(given: str, command: str, own: argparse.ArgumentParser) -> str:
-    """Return the error on a word that a command does not take."""
+def _not_taken(given: str, options: argparse.Namespace, own: argparse.ArgumentParser) -> str:
+    """Return the error on a word that a command does not take, beside what it took."""
     from dynident.errors import nearest
 
+    command = options.command
     word = given.split("=", maxsplit=1)[0]
     if word.startswith("-"):
         return f"error: '{command}' has no option '{word}'{nearest(word, _flags(own), 0.7)}"
     names = " ".join(str(action.metavar or action.dest) for action in own._actions if not action.option_strings)
     step = f"it takes {names} and options" if names else "it takes options alone"
+    for action in own._actions:
+        if action.metavar == "NAMES" and getattr(options, action.dest) != action.default and "." not in given:
+            step = f"write names with commas: {action.option_strings[0]} {getattr(options, action.dest)},{given}"
     if ":=" in given:
         step = f"arguments follow a xacro file: '{command} FILE.urdf.xacro {given}'"
     return f"error: '{command}' does not take '{given}'; {step}"
