@@ -11,8 +11,8 @@ import pytest
 from dynident.case.case import read_case
 from dynident.case.profile_columns import profile_columns
 from dynident.data.formats import ColumnMap, read_log
+from dynident.data.formats._column_map import NUMBERED, QUANTITY
 from dynident.data.formats._units import UNITS
-from dynident.data.formats.base import NUMBERED, QUANTITY
 from dynident.data.profiles import PROFILES, Channel, pattern_names, unmeasured
 from dynident.errors import BadOption, DescriptionError, LogFormatError, UnknownChoice
 

@@ -14,7 +14,7 @@ from dynident.actuators.lerobot_calibration import SHARES
 from dynident.actuators.servo_log import ServoColumns, ServoLog, checked_log, rows_of
 from dynident.arrays import Array
 from dynident.data.formats import open_log
-from dynident.data.formats.base import missing_column
+from dynident.data.formats._column_map import missing_column
 from dynident.data.split import EPISODE, episode_rows
 from dynident.errors import LogFormatError, LogMismatch
 from dynident.simulation.effects import Payload

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dynident.data.formats import ColumnMap, Units
-from dynident.data.formats.base import QUANTITY
+from dynident.data.formats._column_map import QUANTITY
 from dynident.data.profiles import PROFILES, Channel, Profile
 from dynident.errors import BadOption
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array, IntArray
+from dynident.data.formats._column_map import NUMBERED
 from dynident.data.formats._simulated_bag import FRAME
-from dynident.data.formats.base import NUMBERED
 from dynident.errors import BadOption, MissingDependency
 from dynident.files import write_atomically, written_for_a_while
 

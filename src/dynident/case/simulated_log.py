@@ -12,8 +12,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.simulated_bag import BAGS
 from dynident.data.formats import ColumnMap
+from dynident.data.formats._column_map import NUMBERED, QUANTITY, RATED
 from dynident.data.formats._units import counted_unit, unit_of
-from dynident.data.formats.base import NUMBERED, QUANTITY, RATED
 from dynident.data.log import Log
 from dynident.errors import BadOption, MissingDependency
 from dynident.files import write_atomically

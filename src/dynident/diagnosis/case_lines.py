@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from dynident.data.formats._column_map import ColumnMap
 from dynident.data.formats._units import QUANTITY, UNITS, counted_unit
-from dynident.data.formats.base import ColumnMap
 from dynident.diagnosis.finding import Finding
 from dynident.model.robot import Robot
 

@@ -11,7 +11,7 @@ from dynident.arrays import Array
 from dynident.case.evidence.positions import STILL, travel
 from dynident.case.evidence.rows import MOST_LOST, out_of_order, same_as_before, sortable
 from dynident.data.formats import LogFormat, LogTable, open_log
-from dynident.data.formats._table import MIN_SAMPLES
+from dynident.data.formats.base import MIN_SAMPLES
 from dynident.data.preprocessing import longest_step
 from dynident.data.split import EPISODE, episode_rows
 from dynident.errors import LogFormatError

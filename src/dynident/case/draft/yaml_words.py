@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 
 from dynident.case.questions import ASK, MARK
-from dynident.data.formats.base import shown
+from dynident.data.formats._column_map import shown
 
 _PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./+-]*")
 

@@ -6,11 +6,11 @@ import os
 from pathlib import Path
 
 from dynident.data.formats._clocked_table import clocked
+from dynident.data.formats._column_map import ColumnMap, Units
 from dynident.data.formats._live_table import live_rows
 from dynident.data.formats._stream import LogStream
-from dynident.data.formats._table import LARGE, LogTable, bytes_of, log_of
 from dynident.data.formats._unrepeated_table import unrepeated
-from dynident.data.formats.base import ColumnMap, LogFormat, Units, written_columns
+from dynident.data.formats.base import LARGE, LogFormat, LogTable, bytes_of, log_of, written_columns
 from dynident.data.log import Log
 from dynident.errors import LogFormatError
 from dynident.plugins import Family

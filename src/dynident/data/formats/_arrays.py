@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, LogTable, check_size
+from dynident.data.formats.base import MAX_CELLS, TOO_LARGE, Blocks, LogTable, check_size
 from dynident.errors import LogFormatError
 from dynident.files import sha256_of
 

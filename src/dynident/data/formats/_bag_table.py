@@ -16,8 +16,8 @@ from dynident.data.formats._alignment import TIME, Series, aligned, chosen, unus
 from dynident.data.formats._bag_messages import Layout, columns_of
 from dynident.data.formats._bag_source import BagSource
 from dynident.data.formats._bag_stream import MOST_BACK, Held
-from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, LogTable
-from dynident.data.formats.base import shown
+from dynident.data.formats._column_map import shown
+from dynident.data.formats.base import MAX_CELLS, TOO_LARGE, Blocks, LogTable
 from dynident.errors import LogFormatError
 
 #: Messages of each topic that are looked at for the names of the columns.

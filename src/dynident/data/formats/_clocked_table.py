@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import Blocks, LogTable, TableOfTable
+from dynident.data.formats._column_map import ColumnMap, missing_column
 from dynident.data.formats._units import UNITS
-from dynident.data.formats.base import ColumnMap, missing_column
+from dynident.data.formats.base import Blocks, LogTable, TableOfTable
 from dynident.errors import BadOption
 
 #: What stands for the column of the time where a file has none.

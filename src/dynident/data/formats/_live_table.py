@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from itertools import chain
 
 from dynident.data.formats._clocked_table import clocked
-from dynident.data.formats._table import Blocks, Checked, LogTable, names_of
+from dynident.data.formats._column_map import ColumnMap
 from dynident.data.formats._text_header import cells_of, delimiter_of
 from dynident.data.formats._text_table import TextTable, stamped
-from dynident.data.formats.base import ColumnMap
+from dynident.data.formats.base import Blocks, Checked, LogTable, names_of
 from dynident.data.log import Log
 from dynident.errors import LogFormatError
 

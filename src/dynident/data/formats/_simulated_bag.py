@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from dynident.arrays import Array
 from dynident.data.formats._bag_table import BagTable
-from dynident.data.formats._table import Blocks, LogTable, TableOfTable
-from dynident.data.formats.base import NUMBERED, ColumnMap
+from dynident.data.formats._column_map import NUMBERED, ColumnMap
+from dynident.data.formats.base import Blocks, LogTable, TableOfTable
 
 #: Frame in the headers of states of joints that the virtual cell has written.
 FRAME = "dynident simulate"

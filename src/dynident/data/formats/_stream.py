@@ -12,8 +12,8 @@ from typing import IO, Generic, TypeVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import Blocks, Checked, LogTable, names_of
-from dynident.data.formats.base import ColumnMap
+from dynident.data.formats._column_map import ColumnMap
+from dynident.data.formats.base import Blocks, Checked, LogTable, names_of
 from dynident.data.log import Log, Source
 from dynident.files import written_for_a_while
 

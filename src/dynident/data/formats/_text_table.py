@@ -16,7 +16,7 @@ from typing import ClassVar, TextIO
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import TOO_LARGE, Blocks, LogTable, check_size
+from dynident.data.formats._column_map import shown
 from dynident.data.formats._text_header import (
     DELIMITERS,
     ENCODING,
@@ -28,7 +28,7 @@ from dynident.data.formats._text_header import (
     is_stamp,
     seconds_of,
 )
-from dynident.data.formats.base import shown
+from dynident.data.formats.base import TOO_LARGE, Blocks, LogTable, check_size
 from dynident.errors import LogFormatError
 from dynident.files import unreadable
 

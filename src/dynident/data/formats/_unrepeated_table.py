@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.data.formats._table import Blocks, LogTable, TableOfTable
-from dynident.data.formats.base import ColumnMap
+from dynident.data.formats._column_map import ColumnMap
+from dynident.data.formats.base import Blocks, LogTable, TableOfTable
 from dynident.errors import LogFormatError
 
 

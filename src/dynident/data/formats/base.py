@@ -1,268 +1,250 @@
-"""What a log format is, which columns of a file are which signals, and the units they are in."""
+"""What a log format is: files of named columns of numbers, and the log that a map of columns makes of them."""
 
 from __future__ import annotations
 
 import os
-import re
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._units import ONE, QUANTITY, RATED, Units, converted, counted_unit, unit_of
-from dynident.data.log import Log
-from dynident.data.profiles import unmeasured
-from dynident.data.turns import turns_counted
-from dynident.errors import BadOption, LogFormatError, LogMismatch, nearest
+from dynident.data.formats._column_map import NUMBERED, ColumnMap, shown
+from dynident.data.log import Log, Source
+from dynident.errors import LogFormatError, LogMismatch
+from dynident.files import size_of_file
 
-if TYPE_CHECKING:
-    from dynident.data.formats._table import LogTable
+#: Fewer rows than this are no log.
+MIN_SAMPLES = 10
 
-#: Default column names: the signal's word and the number of the joint, counted from 1.
-NUMBERED = {
-    "q": "q",
-    "dq": "dq",
-    "ddq": "ddq",
-    "torque": "tau",
-    "current": "i",
-    "raw_torque": "raw_tau",
-    "temperature": "temperature",
-    "q_ref": "q_ref",
-    "dq_ref": "dq_ref",
-}
-_NUMBER = re.compile(r"[1-9][0-9]{0,3}")
+#: Cells that are read at once at most: 2 GiB of numbers.
+MAX_CELLS = 1 << 28
+
+#: Bytes of all logs of a fit together above which they are reduced as a stream.
+LARGE = 512 << 20
+
+#: What to do with a file that is larger than what is read at once.
+TOO_LARGE = "reduce it as a stream: dynident reduce CASE LOG -o part.tri"
+
+#: What to do where rows have the time of the row before, and where they have its values as well.
+_SAME_TIME = "leave the repeated rows out, or write the time with more digits"
+_REPEATED = "they are the same in all that is read: have them left out (log: {repeats: drop})"
+
+#: Blocks of rows of a table, shape (rows, columns); when they have ended, in words what was done to get them.
+Blocks: TypeAlias = Generator[Array, None, tuple[str, ...]]
 
 
-@dataclass(frozen=True)
-class ColumnMap:
-    """Which columns of a file are which signals; what is left as None has the numbered names (q1, q2, ... tau1, ...).
-
-    An empty tuple says that the signal is not to be read. Of torques and currents that are both there under their
-    numbered names, and both None here, the torques are read.
+@dataclass(frozen=True, kw_only=True)
+class LogTable(ABC):
+    """A file whose bytes are sound and whose columns are known; its rows are read by :meth:`columns`.
 
     Attributes:
-        joints: Names of the n joints in the order of the columns; empty: as many as there are, joint1, joint2, ...
-        time: Column of the time, the samples a second where a file has none, such as ``200 Hz``, or the sum of two
-            columns, such as ``sec s + nanosec ns``.
-        q: Columns of the positions.
-        dq: Columns of the velocities; None takes dq1, ... where they are there.
-        ddq: Columns of the accelerations; not read unless named.
-        torque: Columns of the joint torques.
-        current: Columns of the motor currents.
-        raw_torque: Columns of the torques before any filter; not read unless named.
-        temperature: Columns of the drives' temperatures in degrees Celsius; not read unless named.
-        q_ref: Columns of the commanded positions; not read unless named.
-        dq_ref: Columns of the commanded velocities; not read unless named.
-        units: Units of the columns.
-        decimal: Decimal sign of text files, ``.`` or ``,``; it is never guessed.
-        rated: Rated torque of each joint in N m (or N), for torques in percent or permille of it.
-        optional: Signals that are left out where a file lacks their columns.
-        force: Signals that are read although their columns are known not to be measured.
-        motor: Signals that are on the side of the motors; :func:`dynident.data.motor_side.joint_side` turns them.
-        zero: Position in rad or m that is added to the positions of each joint; empty for none.
-        wrapped: Joints whose positions start again after a whole turn; their turns are counted on.
-        repeats: ``drop`` leaves rows out that repeat the row before them, ``refuse`` takes them for a fault.
-        form: Format of the files; empty for the one by their suffix.
-        form_options: Its options, as name and text.
-
-    Raises:
-        BadOption: Lists of different lengths, a column or a joint named twice, units that do not fit each other, or
-            torques in percent without rated torques.
+        path: The file as it was given.
+        sha256: Hash of its bytes.
+        header: Names of the columns, in order.
+        how: In words how it is read, for the provenance.
+        line: Line of the header where the file is text, counted from 1; else None.
+        rereads: Whether some columns can be read again at little cost; a stream keeps the rows of others on disk.
+        time_stamps: Columns whose cells are time stamps, read in s.
+        has_frames: Whether messages of a recording are behind it, each with the name of its frame.
     """
 
-    joints: tuple[str, ...] = ()
-    time: str = "t"
-    q: tuple[str, ...] | None = None
-    dq: tuple[str, ...] | None = None
-    ddq: tuple[str, ...] | None = ()
-    torque: tuple[str, ...] | None = None
-    current: tuple[str, ...] | None = None
-    raw_torque: tuple[str, ...] | None = ()
-    temperature: tuple[str, ...] | None = ()
-    q_ref: tuple[str, ...] | None = ()
-    dq_ref: tuple[str, ...] | None = ()
-    units: Units = field(default_factory=Units)
-    decimal: str = "."
-    rated: tuple[float, ...] = ()
-    optional: tuple[str, ...] = ()
-    force: tuple[str, ...] = ()
-    motor: tuple[str, ...] = ()
-    zero: tuple[float, ...] = ()
-    wrapped: tuple[str, ...] = ()
-    repeats: str = "refuse"
-    form: str = ""
-    form_options: tuple[tuple[str, str | None], ...] = ()
+    path: str
+    sha256: str
+    header: tuple[str, ...]
+    how: str
+    line: int | None = None
+    time_stamps: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        for name in ("rated", "zero"):
-            object.__setattr__(self, name, tuple(map(float, getattr(self, name))))
-        for name in ("optional", "force", "motor"):
-            object.__setattr__(self, name, _signals(name, getattr(self, name)))
-        object.__setattr__(self, "wrapped", tuple(self.wrapped))
-        object.__setattr__(self, "form_options", tuple((key, value) for key, value in self.form_options))
-        for name in ("joints", *NUMBERED):
-            names = getattr(self, name)
-            if isinstance(names, str):
-                raise BadOption(name, names, "give a list of names, one per joint")
-            if names is not None:
-                object.__setattr__(self, name, tuple(names))
-        if self.repeats not in ("refuse", "drop"):
-            raise BadOption("repeats", self.repeats, "choose 'refuse' or 'drop'")
-        if self.q == ():
-            raise BadOption("q", [], "name the columns of the positions")
-        self._check_lengths()
-        used = [self.time, *(name for signal in self.stated().values() for name in signal)]
-        for what, names in (("joints", list(self.joints)), ("columns", used)):
-            twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-            if twice:
-                raise BadOption(what, twice[0], "it is named twice; name each once")
-        self._check_measured()
+    rereads: ClassVar[bool] = True
+    has_frames: ClassVar[bool] = False
 
-    def stated(self) -> dict[str, tuple[str, ...]]:
-        """Return the columns that are named, by signal."""
-        return {name: getattr(self, name) for name in NUMBERED if getattr(self, name)}
-
-    def resolved(self, header: Sequence[str], path: object, line: int | None = None) -> ColumnMap:
-        """Return the map for one file: every signal named or empty, every column in its header.
-
-        Args:
-            header: Names of the columns of the file.
-            path: The file, for messages.
-            line: Line of the header, for messages.
+    @abstractmethod
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return some columns, shape (N, len(names)).
 
         Raises:
-            LogFormatError: A column is missing, or the numbered columns are not as many as the joints.
+            LogFormatError: A cell that is no number.
         """
-        found = {name: _numbers(word, header) for name, word in NUMBERED.items()}
-        count = self._joint_count() or max(found["q"], default=0)
-        if not count:
-            raise missing_column("q1", header, path, line)
-        chosen = {
-            name: names
-            for name, names in self.stated().items()
-            if name not in self.optional or not set(names).isdisjoint(header)
+
+    def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
+        """Return some columns, shape (N, len(names)), and in words what was done to get them.
+
+        Raises:
+            LogFormatError: A cell that is no number.
+        """
+        return self.columns(names), ()
+
+    def batches(self, names: Sequence[str], rows: int) -> Blocks:
+        """Yield some columns in blocks of at most ``rows`` rows, shape (rows, len(names)); returns the notes.
+
+        Memory holds one block, except in formats that can only be read as a whole: there all rows are in memory.
+
+        Raises:
+            LogFormatError: A cell that is no number.
+        """
+        values, notes = self.read(names)
+        for start in range(0, len(values), rows):
+            yield values[start : start + rows]
+        return notes
+
+    def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
+        """Return the error to raise for a row, counted from 0."""
+        return LogFormatError(self.path, None, f"row {row + 1}: {evidence}", step)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableOfTable(LogTable):
+    """A file seen through other names, or with rows or columns more or less.
+
+    Attributes:
+        inner: The file.
+    """
+
+    inner: LogTable
+
+    rereads: ClassVar = False
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return some columns; see :meth:`LogTable.columns`."""
+        return self.read(names)[0]
+
+    def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
+        """Return the error to raise for a row; see :meth:`LogTable.fault`."""
+        return self.inner.fault(row, evidence, step)
+
+
+def log_of(table: LogTable, columns: ColumnMap) -> Log:
+    """Return the log that a map of columns makes of a table, in SI units.
+
+    Raises:
+        LogFormatError: A column is missing, too few rows, a cell that is not finite, or time that does not run forward.
+        BadOption: Units that do not fit each other.
+    """
+    chosen = columns.resolved(table.header, table.path, table.line)
+    values, notes = table.read(names_of(chosen))
+    checked = Checked(table, chosen)
+    log = checked.block(values)
+    checked.end()
+    return replace(log, source=checked.source(notes))
+
+
+def check_size(path: str | Path, most: int, step: str) -> None:
+    """Refuse what is no ordinary file, and a file of more than ``most`` bytes.
+
+    Raises:
+        FileError: It is no ordinary file, or cannot be reached.
+        LogFormatError: It is larger.
+    """
+    size = size_of_file(path)
+    if size > most:
+        evidence = f"{size / 2**30:.3g} GiB, more than the {most / 2**30:.3g} GiB that are read at once"
+        raise LogFormatError(path, None, evidence, step)
+
+
+def bytes_of(place: Path) -> int:
+    """Return the size of a log, a file or the files of a folder; 0 where nothing is there."""
+    files = place.iterdir() if place.is_dir() else (place,)
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def names_of(columns: ColumnMap) -> list[str]:
+    """Return the columns that a resolved map reads, the time first."""
+    return [columns.time, *(name for signal in columns.stated().values() for name in signal)]
+
+
+class Checked:
+    """Turns blocks of rows into logs in SI units, and refuses unsound rows by their number in the file.
+
+    Attributes:
+        rows: Rows seen so far.
+    """
+
+    def __init__(self, table: LogTable, columns: ColumnMap) -> None:
+        self.rows = 0
+        self._table, self._columns, self._names = table, columns, names_of(columns)
+        self._last: float | None = None
+        self._counted: dict[str, Array] = {}
+
+    def block(self, values: Array) -> Log:
+        """Return the log of the next rows, shape (rows, columns of :func:`names_of`).
+
+        Raises:
+            LogFormatError: A cell that is not finite, or time that does not run forward.
+        """
+        time = self.time(values)
+        chosen, count = self._columns, len(self._columns.joints)
+        signals = {
+            name: chosen.to_si(name, values[:, 1 + k * count : 1 + (k + 1) * count])
+            for k, name in enumerate(chosen.stated())
         }
-        for name in self._numbered_signals(found):
-            if max(found[name], default=0) > count:
-                evidence = f"a column '{NUMBERED[name]}{max(found[name])}' where the number of joints is {count}"
-                step = "name the columns of these joints with columns: in the case file"
-                raise LogFormatError(path, line, evidence, step)
-            chosen[name] = tuple(f"{NUMBERED[name]}{k}" for k in range(1, count + 1))
-        used = (self.time, *(name for names in chosen.values() for name in names))
-        for column in used:
-            if column not in header:
-                raise missing_column(column, header, path, line, used)
-        joints = self.joints or tuple(f"joint{k}" for k in range(1, count + 1))
-        empty: dict[str, tuple[str, ...]] = dict.fromkeys(NUMBERED, ())
-        resolved = replace(self, joints=joints, **(empty | chosen))  # type: ignore[arg-type]
-        resolved._check_kinds()
-        return resolved
+        if chosen.wrapped and len(values):
+            signals = {name: chosen.counted(name, each, self._counted.get(name)) for name, each in signals.items()}
+            self._counted = {name: each[-1] for name, each in signals.items()}
+        return Log(chosen.joints, time, source=Source(self._table.path, self._table.sha256), **signals)
 
-    def to_si(self, signal: str, values: Array) -> Array:
-        """Return the values (N, n) of a signal in SI units."""
-        words = self.units.of(QUANTITY[signal], values.shape[1])
-        found = converted(values, QUANTITY[signal], words)
-        shares = [QUANTITY[signal] == "torque" and counted_unit(word)[1] in RATED for word in words]
-        return found * np.where(shares, self.rated, 1.0) if any(shares) else found
+    def time(self, values: Array) -> Array:
+        """Return the time of the next rows in s, shape (rows,), which may be all that is read; see :meth:`block`."""
+        self._check_cells(values)
+        time = self._columns.time_to_si(values[:, 0])
+        self._check_time(time, values)
+        self.rows += len(values)
+        return time
 
-    def counted(self, signal: str, values: Array, before: Array | None = None) -> Array:
-        """Return positions in SI units, shape (N, n), with the turns of the wrapped joints counted on.
+    def end(self) -> None:
+        """Refuse what has too few rows.
 
-        Args:
-            signal: Signal that they are; others than positions stay as they are.
-            values: Shape (N, n).
-            before: Counted positions of the row before, shape (n,); None where the log begins.
+        Raises:
+            LogFormatError: Fewer than ten.
         """
-        places = [k for k, name in enumerate(self.joints) if name in self.wrapped]
-        if not places or QUANTITY[signal] != "position":
-            return values
-        counted = np.array(values)
-        counted[:, places] = turns_counted(values[:, places], None if before is None else before[places])
-        return counted
+        if self.rows < MIN_SAMPLES:
+            step = "an identification needs seconds of motion"
+            raise LogFormatError(self._table.path, self._table.line, f"only {self.rows} rows", step)
 
-    def time_to_si(self, values: Array) -> Array:
-        """Return the time (N,) in s."""
-        return converted(values[:, None], "time", (self.units.time,))[:, 0]
+    def source(self, notes: tuple[str, ...]) -> Source:
+        """Return where the rows seen so far come from, and what was done to get them."""
+        steps = filter(None, (f"read as {self._table.how}", *notes, self._columns.conversions()))
+        return Source(self._table.path, self._table.sha256, self.rows, tuple(steps))
 
-    def conversions(self) -> str:
-        """Return in words what is converted, such as ``"position from deg"``; empty where all is in SI units."""
-        texts = [] if self.units.time == "s" else [f"time from {self.units.time}"]
-        for quantity in dict.fromkeys(QUANTITY[signal] for signal in self.stated()):
-            words = dict.fromkeys(self.units.of(quantity, len(self.joints)))
-            changed = [word for word in words if unit_of(quantity, word)[0] != ONE]
-            if changed:
-                texts.append(f"{quantity} from {', '.join(changed)}")
-        if self.wrapped:
-            texts.append(f"turns of {', '.join(self.wrapped)} counted on")
-        return "; ".join(texts)
+    def _check_cells(self, values: Array) -> None:
+        """Name the first cell that is not finite."""
+        bad = ~np.isfinite(values)
+        if np.any(bad):
+            row = int(np.argmax(bad.any(axis=1)))
+            column = int(np.argmax(bad[row]))
+            many = f" ({bad.sum()} such cells in {bad.any(axis=1).sum()} rows)" if bad.sum() > 1 else ""
+            cell = "no number (blank or nan)" if np.isnan(values[row, column]) else f"{values[row, column]:g}"
+            evidence = f"column '{shown(self._names[column])}' holds {cell}{many}"
+            raise self._table.fault(self.rows + row, evidence, "repair the recording or leave these rows out")
 
-    def _joint_count(self) -> int:
-        lengths = [len(self.joints), *(len(names) for names in self.stated().values())]
-        return max(lengths)
-
-    def _check_lengths(self) -> None:
-        count = self._joint_count()
-        for name in ("joints", *NUMBERED):
-            names = getattr(self, name)
-            if names and len(names) != count:
-                step = f"{len(names)} names, elsewhere {count}; name one column per joint, in the order of joints"
-                raise BadOption(name, list(names), step)
-        for name in ("rated", "zero"):
-            numbers = getattr(self, name)
-            if numbers and (len(numbers) != count or not np.all(np.isfinite(numbers))):
-                raise BadOption(name, list(numbers), f"give one number for each of the {count} joints")
-        words = (self.units.torque,) if isinstance(self.units.torque, str) else self.units.torque
-        if RATED.intersection(counted_unit(word)[1] for word in words) and not (self.rated and min(self.rated) > 0):
-            step = "state the rated torque of each joint in N m (log: {units: {torque: percent}, rated: [...]})"
-            raise BadOption("units.torque", words[0], step)
-
-    def _check_measured(self) -> None:
-        """Refuse columns that are known to hold commands or values of a model where measurements are wanted."""
-        for signal, names in self.stated().items():
-            if signal in self.force or signal in ("q_ref", "dq_ref"):
-                continue
-            for name in names:
-                known = unmeasured(name)
-                if known is not None:
-                    where, channel = known
-                    kind = "computed by a model" if channel.kind == "model" else channel.kind
-                    why = f"{kind}, not measured ({where}{channel.note and ': '}{channel.note})"
-                    step = f"it is {why}; map a measured column, or say force: [{signal}]"
-                    raise BadOption(signal, name, step)
-
-    def _numbered_signals(self, found: dict[str, list[int]]) -> list[str]:
-        """Return the signals that are to be read under their numbered names."""
-        wanted = [name for name in ("q", "dq") if getattr(self, name) is None and (name == "q" or found[name])]
-        if self.torque is None and not self.current:
-            if found["torque"] or not (self.current is None and found["current"]):
-                return [*wanted, "torque"]
-            return [*wanted, "current"]
-        if self.torque == () and self.current is None and found["current"]:
-            return [*wanted, "current"]
-        return wanted
-
-    def _check_kinds(self) -> None:
-        """Refuse units that make one joint both turn and slide."""
-        for joint, name in enumerate(self.joints):
-            kinds: dict[str, str] = {}
-            for quantity in dict.fromkeys(QUANTITY[signal] for signal in self.stated()):
-                word = self.units.of(quantity, len(self.joints))[joint]
-                kinds.setdefault(unit_of(quantity, word)[1] or "any", f"{quantity} in {word}")
-            if "revolute" in kinds and "prismatic" in kinds:
-                step = f"joint '{name}' cannot both turn and slide; give one unit per joint"
-                raise BadOption("units", f"{kinds['revolute']}, {kinds['prismatic']}", step)
+    def _check_time(self, time: Array, values: Array) -> None:
+        """Refuse time that runs back or stands still, also from the block before to this one."""
+        known = time if self._last is None else np.append(self._last, time)
+        steps = np.diff(known)
+        for wrong, what, step in (
+            (steps < 0, "runs back", "split the log there, or sort its rows if they are only out of order"),
+            (steps == 0, "repeats", _SAME_TIME),
+        ):
+            if np.any(wrong):
+                row = int(np.argmax(wrong)) + 1
+                count = int(wrong.sum())
+                many = f" ({count} such rows)" if count > 1 else ""
+                column = self._columns.time
+                remedy = _REPEATED if step == _SAME_TIME and _is_repeated(values) else step
+                evidence = f"time in column '{column}' {what}: {known[row - 1]:.15g} s, then {known[row]:.15g} s{many}"
+                raise self._table.fault(self.rows + row - (len(known) - len(time)), evidence, remedy)
+        if len(time):
+            self._last = float(time[-1])
 
 
-def _signals(option: str, names: Sequence[str]) -> tuple[str, ...]:
-    """Return names of signals, checked."""
-    for name in names:
-        if name not in NUMBERED:
-            raise BadOption(option, name, f"the signals are {', '.join(NUMBERED)}")
-    return tuple(names)
+def _is_repeated(values: Array) -> bool:
+    """Return whether all rows with the time of the row before, in the first column, have its values as well."""
+    again = values[1:, 0] == values[:-1, 0]
+    same = (values[1:] == values[:-1]).all(axis=1)
+    return values.shape[1] > 1 and bool(again.any()) and bool(same[again].all())
 
 
 class LogFormat(ABC):
@@ -321,24 +303,3 @@ def written_columns(log: Log) -> ColumnMap:
         for signal, word in NUMBERED.items()
     }
     return ColumnMap(joints=log.joints, **names)  # type: ignore[arg-type]
-
-
-def missing_column(
-    name: str, header: Sequence[str], path: object, line: int | None, used: Sequence[str] = ()
-) -> LogFormatError:
-    """Return the error to raise for a column that is not in the header; ``used`` are other columns of the map."""
-    free = [other for other in header if other not in used]
-    listed = ", ".join(map(shown, header[:40])) + (f", ... ({len(header)} columns)" if len(header) > 40 else "")
-    step = f"the header has {listed}; map it with columns: in the case file, which 'dynident init ROBOT LOG' drafts"
-    return LogFormatError(path, line, f"no column '{shown(name)}'", step + nearest(name, map(shown, free)))
-
-
-def shown(text: str) -> str:
-    """Return text of a file as a message shows it: on one line, signs that cannot be printed escaped, 60 at most."""
-    plain = "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text[:60])
-    return plain if len(text) <= 60 else f"{plain}..."
-
-
-def _numbers(word: str, header: Sequence[str]) -> list[int]:
-    numbers = (_NUMBER.fullmatch(name, len(word)) for name in header if name.startswith(word))
-    return [int(match[0]) for match in numbers if match]

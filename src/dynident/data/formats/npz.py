@@ -18,7 +18,8 @@ from numpy.lib import format as npy
 
 from dynident.arrays import Array
 from dynident.data.formats._arrays import ArrayTable, checked_file, columns_of
-from dynident.data.formats.base import NUMBERED, LogFormat, written_table
+from dynident.data.formats._column_map import NUMBERED
+from dynident.data.formats.base import LogFormat, written_table
 from dynident.data.log import Log
 from dynident.errors import LogFormatError
 from dynident.files import write_atomically

@@ -11,8 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.formats._arrays import MAX_WIDTH, ArrayPlace, checked_file
-from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, LogTable
-from dynident.data.formats.base import LogFormat, written_table
+from dynident.data.formats.base import MAX_CELLS, TOO_LARGE, Blocks, LogFormat, LogTable, written_table
 from dynident.data.log import Log
 from dynident.errors import LogFormatError, MissingDependency
 from dynident.files import write_atomically

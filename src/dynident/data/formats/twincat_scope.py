@@ -11,10 +11,10 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.formats._alignment import TIME, Series, aligned, chosen
-from dynident.data.formats._table import LogTable
+from dynident.data.formats._column_map import shown
 from dynident.data.formats._text_header import DELIMITERS, ENCODING, NUMBER, cells_of
 from dynident.data.formats._text_table import check_text
-from dynident.data.formats.base import LogFormat, shown
+from dynident.data.formats.base import LogFormat, LogTable
 from dynident.errors import BadOption, LogFormatError
 
 #: Lines in which the header must end.
