@@ -40,7 +40,7 @@ from dynident.diagnosis.checks.cells import held_at
 from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
 from dynident.diagnosis.examination import examine, examine_recordings
-from dynident.diagnosis.finding import SEVERITIES
+from dynident.diagnosis.finding import SEVERITIES, Finding
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair, wraps
 from dynident.model.friction import FRICTION, default_friction
@@ -155,6 +155,41 @@ def test_currents_of_unlike_gains_in_another_order_are_named(
     mended = right.with_columns(i=right.columns["i"][:, order])
     if moved == "i":
         assert "torque order" not in [one.name for one in mended.examined(tmp_path).findings]
+
+
+def test_orders_of_currents_with_and_without_their_gains_are_one_finding(trial: Trial, tmp_path: Path) -> None:
+    """Of gains that hardly differ: the same finding was listed as not distinguishable from itself."""
+    names, gains, order = trial.case.robot.joint_names, np.array([9.0, 2.5, 2.499]), [0, 2, 1]
+    drives = {name: Drive(gain=float(gain)) for name, gain in zip(names, gains, strict=True)}
+    case = replace(trial.case, robot=trial.case.robot.with_drives(drives))
+    columns = {**trial.without("tau").columns, "i": (trial.columns["tau"] / gains)[:, order]}
+    found = Trial(case, columns).examined(tmp_path).findings[0]
+    assert found.name == "torque order" and "torque order" not in found.evidence
+    assert "not distinguishable from the same with their currents" in found.evidence
+
+
+@pytest.mark.parametrize("gains", [[9.0, 2.5, 0.8], [0.2, 0.2, 0.2]], ids=["unlike", "alike"])
+def test_drive_gains_that_are_stated_as_their_inverses_are_named(
+    trial: Trial, gains: list[float], tmp_path: Path
+) -> None:
+    """Where all are alike the torques are right but for a common scale, which no fit tells."""
+    names, true = trial.case.robot.joint_names, np.array(gains)
+    columns = {**trial.without("tau").columns, "i": trial.columns["tau"] / true}
+
+    def told(stated: np.ndarray) -> list[Finding]:
+        drives = {name: Drive(gain=float(gain)) for name, gain in zip(names, stated, strict=True)}
+        case = replace(trial.case, robot=trial.case.robot.with_drives(drives))
+        return [one for one in Trial(case, columns).examined(tmp_path).findings if one.severity != "note"]
+
+    assert told(true) == []
+    (found,) = told(1.0 / true)
+    if len(set(gains)) == 1:
+        assert (found.severity, found.name) == ("error", "torque unit")
+        return
+    assert (found.severity, found.name, found.joint) == ("error", "torque scales", ", ".join(names))
+    assert "state the inverses" in found.remedy
+    for name, gain in zip(names, gains, strict=True):
+        assert f"{name}: {{gain: {gain:.6g}}}" in found.remedy
 
 
 def test_torques_that_no_body_makes_are_no_other_order(case: Case, tmp_path: Path) -> None:

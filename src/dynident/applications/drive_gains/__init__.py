@@ -2,7 +2,7 @@
 
 from dynident.applications.drive_gains.drive_gains import DriveGain as DriveGain
 from dynident.applications.drive_gains.drive_gains import DriveGains as DriveGains
-from dynident.applications.drive_gains.identify_gains import GainOptions as GainOptions
+from dynident.applications.drive_gains.gain_solve import GainOptions as GainOptions
 from dynident.applications.drive_gains.identify_gains import gains_from_payload as gains_from_payload
 from dynident.applications.drive_gains.identify_gains import gains_from_prior as gains_from_prior
 from dynident.applications.drive_gains.methods import METHODS as METHODS

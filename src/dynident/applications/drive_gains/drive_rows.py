@@ -1,13 +1,13 @@
 """The rows of the drives: what bodies and friction ask of each motor, beside its current.
 
 With the coupling C the torques at the joints are C' K i, so C^-T turns the rows of the joints into rows of the drives,
-K i = C^-T (W beta + known). A row of a drive has the columns of beta, then the known torque, then the current itself,
-and the current again as its target.
+K i = C^-T (W beta + known). A row of a drive has the columns of beta, then those of a lean of the base where that is
+free, then the known torque, then the current itself, and the current again as its target.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import at_rest
 from dynident.identification.problem.problem import Problem, rest_speeds
-from dynident.identification.problem.regressor_stream import motion_of
+from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
 from dynident.identification.residuals.row_passes import KEPT, RowPasses, Segment
 
 #: Share of a drive's root mean square current below which the sign of a current is not taken for sure.
@@ -50,19 +50,27 @@ class DriveRows(RowPasses):
 
     Attributes:
         groups: Which rows share a gain, G of them.
-        size: Number of columns, b + 2: the base parameters, the known torque, the current.
+        size: Number of columns, b + 2: the base parameters, the known torque, the current; b + 4 with ``pulls``.
     """
 
-    def __init__(self, problem: Problem, signed: bool = False, kept: int = KEPT) -> None:
+    def __init__(
+        self, problem: Problem, signed: bool = False, kept: int = KEPT, pulls: Sequence[Array] | None = None
+    ) -> None:
+        """Take a problem; ``pulls`` are torques at the joints by a lean of the base, per log, shape (N, n, 2)."""
         super().__init__(problem, kept)
         robot = problem.model.robot
         self.groups = groups_of(robot.joint_names, signed)
-        self.size = problem.base.count + 2
+        self._pulls = None if pulls is None else np.concatenate(pulls)
+        free = 0 if pulls is None else 2
+        self.size = problem.base.count + free + 2
+        if free:  # one kernel for all directions of gravity
+            self._regressor = RegressorStream(problem.model, problem.base, problem.load, any_gravity=True)
+            self.columns = self._regressor.columns
         self._turn = np.linalg.inv(np.asarray(robot.coupling)).T
         self._joint_columns = self.columns
         self._known = [_known_torque(problem, k) for k in range(len(problem.logs))]
         self._own = [self._columns_of(drive) for drive in range(robot.dof)]
-        ends = np.array([self.size - 2, self.size - 1])
+        ends = np.arange(problem.base.count, self.size)
         self.columns = tuple(np.concatenate([self._own[group.drive], ends]) for group in self.groups)
         self.counting = self._counting()
 
@@ -97,18 +105,21 @@ class DriveRows(RowPasses):
     def __iter__(self) -> Iterator[Segment]:
         known = np.concatenate(self._known)
         for segment in super().__iter__():
-            drives = [self._drive_block(k, segment, known[segment.samples]) for k in range(len(self._own))]
+            pulls = None if self._pulls is None else self._pulls[segment.samples]
+            drives = [self._drive_block(k, segment, known[segment.samples], pulls) for k in range(len(self._own))]
             yield Segment(segment.samples, tuple(drives[group.drive] for group in self.groups))
 
-    def _drive_block(self, drive: int, segment: Segment, known: Array) -> Array:
-        """Return the rows of a drive over a segment, transposed, shape (K + 3, m)."""
+    def _drive_block(self, drive: int, segment: Segment, known: Array, pulls: Array | None) -> Array:
+        """Return the rows of a drive over a segment, transposed, shape (K + 3, m), or (K + 5, m) with pulls."""
         own = self._own[drive]
-        block = np.zeros((len(own) + 3, known.shape[0]))
+        block = np.zeros((len(own) + 3 + (0 if pulls is None else 2), known.shape[0]))
         for joint in np.flatnonzero(self._turn[drive]):
             part, share = segment.blocks[joint], self._turn[drive, joint]
             _, to, source = np.intersect1d(own, self._joint_columns[joint], return_indices=True)
             block[to] += share * part[source]
             block[-3] += share * known[:, joint]
+            if pulls is not None:
+                block[len(own) : len(own) + 2] += share * pulls[:, joint].T
             block[-1] += share * (part[-1] + known[:, joint])  # the problem's target has the known torque taken off
         block[-2] = block[-1]
         return block

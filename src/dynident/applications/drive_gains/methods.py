@@ -44,6 +44,9 @@ LONGEST = 0.5
 #: A gain below this share of the one that a fit starts from is on its way to nothing, and stays there.
 LOST = 1e-3
 
+#: Values over that of the linear fit, inverse as well, at which a gain that went to nothing is begun again.
+AGAIN = (1.0, -1.0, 0.25, -0.25)
+
 #: The fit has converged when the logarithm of its likelihood changes by less, twice; one is a standard deviation.
 CONVERGED = 1e-6
 
@@ -134,16 +137,36 @@ def _linear(data: GainData, thin: Array, renewals: int) -> GainFit:
 
 
 def _structured(data: GainData, start: GainFit, thin: Array) -> GainFit:
-    """Return the most likely gains where only currents are noisy, by Gauss-Newton steps from a linear fit."""
-    groups = len(data.groups)
+    """Return the most likely gains where only currents are noisy, by Gauss-Newton steps from a linear fit.
+
+    A gain that the linear fit has far too small, or with the other sign, may go to nothing, where the likelihood has a
+    maximum of its own: it is begun again at other values.
+    """
     inverse = 1.0 / np.where(start.gains == 0, 1.0, start.gains)
-    here = there = _likely(data, inverse, start.z, thin)
-    calm, least = 0, np.abs(inverse) / LOST
+    least = np.abs(inverse) / LOST
+    here, steps = _climbed(data, _likely(data, inverse, start.z, thin), thin, least)
+    for group in np.flatnonzero(np.abs(here.inverse) > least):
+        for factor in AGAIN:
+            other = np.where(np.arange(len(inverse)) == group, factor * inverse, here.inverse)
+            point = _likely(data, other, _others(data, other, start.z, here.weights), thin)
+            try:
+                there, more = _climbed(data, point, thin, least)
+            except SolverFailed:
+                continue
+            here, steps = (there if there.loss < here.loss - CONVERGED else here), steps + more
+    none = np.zeros(len(inverse) + data.unknowns.count)
+    return GainFit(1.0 / here.inverse, here.z, here.weights, here.rows, none, steps)
+
+
+def _climbed(data: GainData, here: _StructuredPoint, thin: Array, least: Array) -> tuple[_StructuredPoint, int]:
+    """Return the maximum of the likelihood that steps from a point lead to, and their number."""
+    groups, calm = len(data.groups), 0
     for step in range(1, STEPS + 1):
         slopes, residuals = with_prior(data, *stacked(data, here.rows, here.weights), here.z)
         slopes[:, :groups][:, np.abs(here.inverse) > least] = 0.0
         change = solved(slopes, residuals)[:groups]
         size = min(1.0, LONGEST / max(float(np.max(np.abs(change / here.inverse))), 1e-300))
+        there = here
         for _ in range(HALVINGS):
             inverse = here.inverse + size * change
             there = _likely(data, inverse, _others(data, inverse, here.z, here.weights), thin)
@@ -153,8 +176,7 @@ def _structured(data: GainData, start: GainFit, thin: Array) -> GainFit:
         calm = calm + 1 if here.loss - there.loss < CONVERGED else 0
         here = there if there.loss <= here.loss else here
         if calm == 2:
-            none = np.zeros(groups + data.unknowns.count)
-            return GainFit(1.0 / here.inverse, here.z, here.weights, here.rows, none, step)
+            return here, step
     evidence = f"no convergence within {STEPS} steps"
     step_next = "record a motion that loads every joint by gravity, or use the method 'wls'"
     raise SolverFailed("structured total least squares for drive gains", evidence, step_next)

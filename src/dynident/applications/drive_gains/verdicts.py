@@ -122,7 +122,7 @@ def _still(data: GainData, fit: GainFit) -> Array:
             q = motion_of(log.log).q[log.keep[:: max(1, len(log.keep) // POSTURES)]]
             none = np.zeros_like(q)
             columns = model.regressor(Motion(q, none, none, torque=none, temperature=none))[..., base.independent]
-            torque = (columns @ body) @ turn
+            torque = (columns @ body[: base.count]) @ turn
             squares += np.sum(torque[:, [group.drive for group in data.groups]] ** 2, axis=0)
             count += len(q)
     return np.sqrt(squares / max(count, 1))

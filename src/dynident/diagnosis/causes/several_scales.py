@@ -7,6 +7,8 @@ they are and from the sizes that the robot model's masses ask for. A common fact
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from dynident.arrays import Array
@@ -45,6 +47,32 @@ def several_scales(fit: QuickFit) -> Interpretation | None:
     reading = ReadRows(fit.rows, mixing)
     return Interpretation(
         "torque scales", joints, float(before - after), evidence, remedy, reading, numbers, len(moved)
+    )
+
+
+def inverted_gains(fit: QuickFit) -> Iterator[Interpretation]:
+    """Yield the log with currents over the stated drive gains in place of times them, where that explains it.
+
+    The torques are compared in a common scale of all, which no log tells.
+    """
+    if fit.conversion is None:
+        return
+    robot = fit.model.robot
+    coupling = np.asarray(robot.coupling).T
+    gains = np.diag(np.linalg.solve(coupling, fit.conversion))
+    factors = 1.0 / gains**2
+    mixing = coupling @ np.diag(factors / np.exp(np.mean(np.log(factors)))) @ np.linalg.inv(coupling)
+    plain, variances = fit.variances(fit.shared, np.stack([np.eye(len(gains)), mixing]))
+    gain = float(np.log(plain).sum() - np.log(variances).sum())
+    turned = fit.rows.torque @ mixing.T
+    sizes = np.array([np.std(torque[mask]) for torque, mask in zip(turned.T, fit.rows.masks.T, strict=True)])
+    if gain < GAIN or np.any(np.sqrt(variances) > GOOD * sizes):
+        return
+    evidence = "with the inverses of the drive gains,"
+    remedy = "a drive gain is torque over current: state the inverses (drives: {JOINT: {gain: ...}})"
+    numbers = {f"factor {name}": float(factor) for name, factor in zip(robot.joint_names, factors, strict=True)}
+    yield Interpretation(
+        "torque scales", robot.joint_names, gain, evidence, remedy, ReadRows(fit.rows, mixing), numbers
     )
 
 

@@ -26,7 +26,7 @@ from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, 
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import RobotMisfit, robot_misfit
-from dynident.diagnosis.causes.several_scales import several_scales
+from dynident.diagnosis.causes.several_scales import inverted_gains, several_scales
 from dynident.diagnosis.causes.torque_scales import other_scales, reading_of
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
@@ -122,8 +122,10 @@ def _reading_finding(found: Sequence[tuple[float, Interpretation]]) -> Finding:
     (gain, best), *rivals = found
     evidence = f"{best.evidence} {variance_falls(gain)}"
     for _, rival in rivals:
-        of = f" ({listed(rival.joints)})" * bool(rival.joints)
-        evidence += f"; not distinguishable from {rival.name}{of}: {rival.remedy}"
+        of = f"{rival.name}{f' ({listed(rival.joints)})' * bool(rival.joints)}"
+        if (rival.name, rival.joints) == (best.name, best.joints):  # the same, read in another way
+            of = f"the same {rival.evidence.rstrip(',')}"
+        evidence += f"; not distinguishable from {of}: {rival.remedy}"
     numbers = {"gain": gain, **best.numbers}
     explains = tuple(name for name in READING_CONSEQUENCES if name != best.name)
     return Finding("error", best.name, listed(best.joints), evidence, best.remedy, numbers, explains)
@@ -240,6 +242,7 @@ def _candidates(positions: PositionReadings, feeds: BoolArray, everywhere: bool 
         gain = fit.plain.score - solved.score
         yield Interpretation("torque sign", joints, gain, evidence, remedy, ReadRows(fit.rows, mixing))
     yield from torque_orders(fit)
+    yield from inverted_gains(fit)
     yield from _mountings(fit)
     if not signs.any():
         yield from _couplings(fit)

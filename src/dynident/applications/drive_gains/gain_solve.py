@@ -1,0 +1,237 @@
+"""One question to logs of currents: model, unknowns, preparation and method, and the gains that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynident.applications.drive_gains.drive_gains import DriveGains
+from dynident.applications.drive_gains.drive_rows import DriveRows
+from dynident.applications.drive_gains.gain_data import GainData, group_squares
+from dynident.applications.drive_gains.gravity import (
+    FOUND,
+    STEPS,
+    UPRIGHT,
+    base_in_any_direction,
+    pulls,
+    turned,
+    under,
+    with_lean,
+)
+from dynident.applications.drive_gains.intervals import spread_of
+from dynident.applications.drive_gains.methods import GainFit, fit_gains
+from dynident.applications.drive_gains.unknowns import Unknowns
+from dynident.applications.drive_gains.verdicts import judged, share_remark
+from dynident.arrays import Array
+from dynident.data.log import Log
+from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
+from dynident.errors import BadOption
+from dynident.identification.problem.problem import Problem, counting_rows
+from dynident.identification.residuals.covariance import correlation_factors
+from dynident.identification.selection.delay import find_delays
+from dynident.identification.selection.friction.load import PASSES, without_load
+from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.dynamic_model import DynamicModel
+
+#: Passes of load-dependent friction agree when no gain changes by more than this share.
+AGREED = 1e-4
+
+#: How often it is told what rows are worth beside what is known of the bodies, from the residual of the fit before.
+WORTHS = 2
+
+#: Torque of a drive in N m at most while the delay of the currents is sought: a gain that is not determined grows past
+#: all bounds; it is lowered so far, as currents have to read as torques and no factor of a drive's rows moves it.
+LARGEST_TORQUE = 1e6
+
+Progress = Callable[[str], None]
+Runs = tuple[tuple[Log, ...], ...]
+
+
+@dataclass(frozen=True)
+class GainOptions:
+    """How gains are found.
+
+    Attributes:
+        method: One of ``structured``, ``tls``, ``wls``, ``ols``.
+        signed: Give each sign of the current a gain of its own.
+        level: Confidence of the intervals.
+        current: Unit of the currents in the logs, for what is shown.
+    """
+
+    method: str = "structured"
+    signed: bool = False
+    level: float = 0.95
+    current: str = "A"
+
+
+@dataclass(frozen=True)
+class PreparedRuns:
+    """Runs of logs made into rows, with the delay of each log where it was looked for."""
+
+    logs: tuple[tuple[Prepared, ...], ...]
+    delays: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class GainSolve:
+    """One question to the logs: model, unknowns, preparation and method."""
+
+    model: DynamicModel
+    base: BaseParameters
+    unknowns: Unknowns
+    how: Preprocessing
+    options: GainOptions
+    progress: Progress
+    prior_share: float = 0.0
+
+    def prepared(self, runs: Runs) -> PreparedRuns:
+        """Return runs of logs whose torques are C' i, preprocessed, with the delay of the currents taken out."""
+        if not 0.5 <= self.options.level < 1:
+            raise BadOption("level", self.options.level, "give the confidence of the intervals, such as 0.95")
+        self.progress("preprocessing")
+        how = self.how if self.how.delay_s is not None else replace(self.how, delay_s=0.0)
+        prepared = tuple(tuple(preprocess(log, how) for log in run) for run in runs)
+        if self.how.delay_s is not None:
+            return PreparedRuns(prepared)
+        _, fit = self._fit(prepared)
+        self.progress("delay of the currents")
+        return self._delayed(runs, fit)
+
+    def gains(
+        self,
+        runs: PreparedRuns,
+        scale_share: float,
+        scale: str,
+        kind: str,
+        tell: Callable[[Sequence[str], Array], dict[str, float]],
+    ) -> DriveGains:
+        """Return the gains of prepared runs of logs."""
+        data, fit = self._fit(runs.logs)
+        self.progress("intervals")
+        spread = spread_of(data, fit, scale_share, self.options.level)
+        gains = judged(data, fit, spread, kind, self.options.current)
+        return DriveGains(
+            gains=gains,
+            method=self.options.method,
+            scale=scale,
+            level=self.options.level,
+            covariance=spread.covariance,
+            logs=tuple(tuple(each.log.name for each in run) for run in runs.logs),
+            delays=runs.delays,
+            found=tell(self.unknowns.names, fit.z),
+            remarks=(*self._remarks(), *share_remark(gains, spread, self.prior_share)),
+            filter=runs.logs[0][0].statement(),
+        )
+
+    def under_free_gravity(
+        self, runs: PreparedRuns, unknowns_of: Callable[[BaseParameters], Unknowns]
+    ) -> tuple[Array, float]:
+        """Return gravity (3,) in the direction that fits prepared runs of logs best, and the misfit with it.
+
+        Args:
+            runs: Prepared runs of logs.
+            unknowns_of: The unknowns beside the gains for base parameters.
+        """
+        self.progress("direction of gravity")
+        base = base_in_any_direction(self.model)
+        plain = unknowns_of(base)
+        quiet = replace(self, base=base, unknowns=plain, progress=lambda step: None)
+        gravity = np.asarray(self.model.robot.gravity)
+        free = replace(quiet, unknowns=with_lean(plain))
+        loads = [np.zeros(base.count) if "torque" in self.model.needs else None for _ in runs.logs]
+        data = quiet._data(runs.logs, loads)
+        fit = quiet._solved(data)  # without a lean, for what the bodies are about
+        for step in range(STEPS):
+            model = under(self.model, gravity)
+            betas = [plain.beta(run, fit.z[: plain.count]) for run in range(len(runs.logs))]
+            lean = [pulls(model, base, beta, logs) for beta, logs in zip(betas, runs.logs, strict=True)]
+            loads = [None if load is None else beta for load, beta in zip(loads, betas, strict=True)]
+            turn = replace(free, model=model)
+            data = turn._data(runs.logs, loads, lean)
+            fit = turn._solved(data)
+            gravity = turned(gravity, fit.z[-2:])
+            if float(np.max(np.abs(fit.z[-2:]))) < (UPRIGHT if step == 0 else FOUND):
+                break
+        return gravity, misfit(np.sqrt(group_squares(data, fit.rows) / np.maximum(data.counts, 1.0)))
+
+    def _remarks(self) -> tuple[str, ...]:
+        if self.options.method in ("wls", "ols"):
+            return (f"'{self.options.method}' takes currents for exact: where they are noisy its gains are too small",)
+        if self.options.method == "tls":
+            return ("'tls' takes all columns for noisy alike, and its intervals are of first order",)
+        return ()
+
+    def _fit(self, runs: Sequence[Sequence[Prepared]]) -> tuple[GainData, GainFit]:
+        """Return the fit; where friction depends on the load, with the load of its own solution."""
+        loaded = "torque" in self.model.needs
+        loads: list[Array | None] = [np.zeros(self.base.count) if loaded else None for _ in runs]
+        data = self._data(runs, loads)
+        fit = self._solved(data)
+        for _ in range(PASSES if loaded else 0):
+            self.progress("load of the drives")
+            before = fit.gains
+            data = self._data(runs, [self.unknowns.beta(run, fit.z) for run in range(len(runs))])
+            fit = self._solved(data)
+            if np.max(np.abs(fit.gains / before - 1.0)) < AGREED:
+                break
+        return data, fit
+
+    def _data(
+        self,
+        runs: Sequence[Sequence[Prepared]],
+        loads: Sequence[Array | None],
+        lean: Sequence[Sequence[Array]] | None = None,
+    ) -> GainData:
+        self.progress("reduction")
+        rows = []
+        for k, (logs, load) in enumerate(zip(runs, loads, strict=True)):
+            masks = tuple(counting_rows(self.model, log) for log in logs)
+            problem = Problem(self.model, self.base, tuple(logs), masks, (), load)
+            rows.append(DriveRows(problem, self.options.signed, pulls=None if lean is None else lean[k]))
+        return GainData.of(rows, self.unknowns)
+
+    def _solved(self, data: GainData) -> GainFit:
+        self.progress(f"method {self.options.method}")
+        if not np.any(np.isfinite(self.unknowns.deviations)):
+            return fit_gains(data, self.options.method)
+        # What is known of z weighs as one row: the rows of the logs must count as what they are worth.
+        fit = fit_gains(data, "ols")
+        for _ in range(WORTHS):
+            residual = [rows.group_residuals(each) for rows, each in zip(data.rows, fit.rows.vectors, strict=True)]
+            worth = correlation_factors(residual, [rows.counting for rows in data.rows])
+            fit = fit_gains(data, self.options.method, worth)
+        return fit
+
+    def _delayed(self, runs: Runs, fit: GainFit) -> PreparedRuns:
+        """Return the logs prepared with the delay of each."""
+        simple = without_load(self.model)
+        robot = self.model.robot
+        gains = np.zeros(robot.dof)
+        for group, gain in zip(_groups(robot.joint_names, self.options.signed), fit.gains, strict=True):
+            gains[group] += gain / (2.0 if self.options.signed else 1.0)
+        currents = [np.abs(np.asarray(log.current)).max(axis=0) for run in runs for log in run]
+        most = LARGEST_TORQUE / np.maximum(np.max(currents, axis=0), 1e-100)
+        gains = np.clip(gains, -most, most)
+        coupling = np.asarray(robot.coupling)
+        delays: list[float] = []
+        prepared: list[tuple[Prepared, ...]] = []
+        for run in runs:
+            scaled = [replace(log, torque=np.asarray(log.current) * gains @ coupling) for log in run]
+            plain = [preprocess(log, self.how) for log in scaled]
+            found, _ = find_delays(simple, base_parameters(simple), plain, may_lag=False)
+            applied = [float(delay.applied) for delay in found]
+            delays += applied
+            hows = [replace(self.how, delay_s=delay) for delay in applied]
+            prepared.append(tuple(preprocess(log, how) for log, how in zip(run, hows, strict=True)))
+        return PreparedRuns(tuple(prepared), tuple(delays))
+
+
+def misfit(residuals: Array) -> float:
+    """Return the logarithm of the product of residual currents (G,), which is less the better gains fit."""
+    return float(np.sum(np.log(np.maximum(residuals, 1e-300))))
+
+
+def _groups(joints: tuple[str, ...], signed: bool) -> list[int]:
+    return [drive for drive in range(len(joints)) for _ in range(2 if signed else 1)]
