@@ -1,4 +1,4 @@
-"""Array aliases, the one way to freeze an array, and the one way to write a number that JSON may not hold.
+"""Array aliases, the one way to freeze an array, and the one way to write values that JSON may not hold.
 
 The letters of shapes are the same everywhere: N samples, n joints, r = N n rows, p standard, b base parameters,
 k coefficients, l links.
@@ -7,6 +7,7 @@ k coefficients, l links.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Mapping
 from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
@@ -50,3 +51,18 @@ def address(array: Any) -> int:
 def finite(value: float) -> float | None:
     """Return the number, or None where it is not finite and JSON has no word for it."""
     return float(value) if np.isfinite(value) else None
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it: arrays as lists, numbers that are not finite as null."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return finite(value)
+    return value

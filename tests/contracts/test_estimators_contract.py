@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynident.arrays import Array
+from dynident.arrays import Array, plain
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
@@ -19,7 +19,6 @@ from dynident.identification.build_problem import build_problem
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimators import ESTIMATORS, Estimator
 from dynident.identification.estimators.consistent import Consistent
-from dynident.identification.files.estimate_file import plain
 from dynident.identification.fit import fit
 from dynident.identification.identify import identify
 from dynident.identification.problem.estimator import Solution

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from dynident.arrays import plain
 from dynident.data.formats import ColumnMap, write_log
 from dynident.data.log import Log
 from dynident.data.preprocessing import FILTERS, Preprocessing, default_preprocessing
 from dynident.errors import UnknownChoice
 from dynident.identification.estimators import ESTIMATORS
-from dynident.identification.files.estimate_file import plain, read_estimate, summary, write_estimate
+from dynident.identification.files.estimate_file import read_estimate, summary, write_estimate
 from dynident.identification.identify import identify
 from dynident.identification.streaming.estimate import identify_digest
 from dynident.identification.streaming.reduction import reduce_logs

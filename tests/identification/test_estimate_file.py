@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dynident.arrays import plain
 from dynident.data.formats import ColumnMap, Units
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
@@ -19,7 +20,7 @@ from dynident.errors import EstimateFormatError, FileError
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.files import estimate_file
-from dynident.identification.files.estimate_file import plain, read_estimate, summary, write_estimate
+from dynident.identification.files.estimate_file import read_estimate, summary, write_estimate
 from dynident.identification.identify import identify
 from dynident.identification.validate import validate
 from dynident.model.dynamic_model import DynamicModel

@@ -33,6 +33,7 @@ from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
 from dynident.results.choices import choice_tables
+from dynident.results.text import format_number
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
 
@@ -125,8 +126,9 @@ def test_too_few_rows_leave_what_is_stated(planar_2r: Robot, exact_log: MakeLog)
     log = logged(planar_2r, (Coulomb(0.2), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=30)
     _, (held,) = choose_fields(DynamicModel(planar_2r, (Coulomb(0.01, choose=("width",)), Viscous())), rows(log))
     assert (held.value, held.best, held.error) == (0.01, 0.01, None)
-    ((_, table),) = choice_tables(Choices(chosen_fields=(held,)))
-    assert table.rows[0][-1] == "given"
+    ((title, table),) = choice_tables(Choices(chosen_fields=(held,)))
+    assert title == "Friction that was not tried"
+    assert table.rows == (("coulomb", "all", "width", "0.01", "too few samples to hold some out"),)
 
 
 def test_identify_chooses_and_says_so(planar_2r: Robot, exact_log: MakeLog) -> None:
@@ -162,7 +164,7 @@ def test_a_part_that_the_log_asks_for_is_taken_and_its_sign_turns_with_the_other
     taken = {(held.part, held.field): held for held in found}
     assert taken["stribeck", "part"].value == 1.0 and ("coulomb, stribeck", "width") in taken
     ((_, table),) = choice_tables(Choices(chosen_fields=found))
-    assert ("left out", "there", "in the model") in [(row[3], row[4], row[7]) for row in table.rows]
+    assert ("left out", "there", "in the model") in [(row[3], row[4], row[-1]) for row in table.rows]
 
 
 OPTIONAL = (RotorInertia(choose=("part",)), Degressive(choose=("part",)), Load(0.01, choose=("part", "width")))
@@ -230,7 +232,7 @@ def test_load_friction_is_of_the_kind_that_is_there(
     log = logged(planar_2r, (Coulomb(0.02), Viscous(), *there), 2 * own, exact_log, noise=0.05, samples=4000)
     model, told = choose_fields(DynamicModel(planar_2r, (Coulomb(0.02), Viscous(), *OF_LOAD)), rows(log))
     assert [type(part) for part in model.friction[2:]] == [type(part) for part in there]
-    tried = {held.part for held in told if held.field == "part"}
+    tried = {held.part for held in told if held.field == "part" and not held.not_tried}
     assert tried == ({"load"} if not there else {"load", "load_directional", "load_stribeck"})
     if len(there) == 2:
         assert model.friction[-1].options["velocity"] == pytest.approx(0.15, rel=0.2)
@@ -239,7 +241,43 @@ def test_load_friction_is_of_the_kind_that_is_there(
 def test_load_by_direction_is_not_tried_beside_stated_load(planar_2r: Robot, exact_log: MakeLog) -> None:
     log = logged(planar_2r, (Coulomb(0.02), Viscous(), Load(0.02)), 2 * [1.0, 0.5, 0.1], exact_log, noise=0.05)
     model, told = choose_fields(DynamicModel(planar_2r, (Coulomb(0.02), Viscous(), Load(0.02), OF_LOAD[1])), rows(log))
-    assert [type(part) for part in model.friction] == [Coulomb, Viscous, Load] and not told
+    assert [type(part) for part in model.friction] == [Coulomb, Viscous, Load]
+    assert [(held.part, held.not_tried) for held in told] == [("load_directional", "only where load is chosen")]
+
+
+@pytest.mark.parametrize("bends", [True, False])
+def test_the_table_has_the_fastest_samples_and_what_was_not_tried(
+    planar_2r: Robot, exact_log: MakeLog, bends: bool
+) -> None:
+    """Friction that bends over speed goes on beyond the speeds of a fit, and a fit without it does not."""
+    truth = (Coulomb(0.02), Viscous(), *([Degressive()] if bends else []))
+    values = [3.0, 1.0, *([4.0] if bends else []), 2.0, 0.5, *([2.0] if bends else [])]
+    log = logged(planar_2r, truth, values, exact_log, noise=0.05, samples=3000)
+    asked = (replace(DRY, width=0.02), Viscous(), Degressive(choose=("part",)), *OF_LOAD)
+    model, found = choose_fields(DynamicModel(planar_2r, asked), rows(log))
+    (part,) = [held for held in found if held.part == "degressive"]
+    assert (part.fastest or 0.0) > 0.3 if bends else abs(part.fastest or 0.0) < 0.05
+    (_, tried), (_, missing) = choice_tables(Choices(chosen_fields=found), model)
+    assert len(tried.rows) + len([held for held in found if held.not_tried]) == len(found)
+    shown = {(row[0], row[2]): row[-2] for row in tried.rows}
+    assert shown["degressive", "part"] == (format_number(100.0 * part.fastest, 2) if part.fastest else "–")
+    reasons = {row[0]: row[-1] for row in missing.rows}
+    assert reasons["load_stribeck"] == "only where load or load_directional is chosen"
+    for name, need in (("temperature", "temperatures"), ("warm_up", "logs of 120 s"), ("periodic", "the gear ratios")):
+        assert str(reasons[name]).startswith(f"not among the parts of the case; it needs {need}")
+    assert "viscous" not in reasons and reasons["stribeck"] == "not among the parts of the case"
+
+
+def test_the_fastest_samples_have_a_say_where_some_are_faster(
+    planar_2r: Robot, exact_log: MakeLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = logged(planar_2r, (Coulomb(0.1), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.05)
+    asked = DynamicModel(planar_2r, (DRY, Viscous()))
+    _, (held,) = choose_fields(asked, rows(log))
+    assert held.fastest is not None and held.fastest > 0.0
+    monkeypatch.setattr("dynident.identification.selection.friction.column_pool.FASTEST", 1.0)
+    _, (alike,) = choose_fields(asked, rows(log))
+    assert alike.fastest is None and alike.value == pytest.approx(held.value, rel=1e-6)
 
 
 def test_too_few_rows_leave_a_part_out(planar_2r: Robot, exact_log: MakeLog) -> None:

@@ -75,7 +75,7 @@ def test_the_bias_is_taken_out_and_the_intervals_hold_the_truth() -> None:
     biased = np.abs(before.mean(axis=0)) > 3 * before.std(axis=0)
     assert biased.sum() >= 3
     assert np.linalg.norm((after / wide).mean(axis=0)) < 0.7 * np.linalg.norm((before / wide).mean(axis=0))
-    (title, table), *_ = choice_tables(draws[0][0].choices, draws[0][0].model.robot.joint_names)
+    (title, table), *_ = choice_tables(draws[0][0].choices, draws[0][0].model)
     assert title == "Noise of the positions: its bias is taken out, but for 50 % that may be left"
     assert "50 % of it may be left" in table.note
     told = [whole.choices.position_noise for whole, *_ in draws]

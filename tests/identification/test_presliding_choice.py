@@ -14,13 +14,13 @@ from dynident.data.preprocessing import Preprocessing, preprocess
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.diagnosis.warnings import warnings_of
 from dynident.errors import BadOption, LogMismatch
-from dynident.identification.build_problem import predicts_better
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.identification.problem.choices import Choices, DelayRecord
 from dynident.identification.selection.delay import find_delays
 from dynident.identification.selection.friction.column_pool import PooledLogs, SharedRows
 from dynident.identification.selection.friction.finer_values import finer_values
+from dynident.identification.selection.friction.search_friction import predicts_better
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import WHOLE, Friction, Motion

@@ -160,7 +160,7 @@ def test_logs_too_short_for_it_do_not_try_it_and_refuse_it_where_it_is_stated(
     short = identify(DynamicModel(planar_2r, DRAFT), [log], "wls", HOW)
     assert warm_up_of(short) is None
     (told,) = [each for each in short.choices.chosen_fields or () if each.part == "warm_up"]
-    assert told.value == 0 and told.not_tried == "logs of 100 s, 120 s needed"
+    assert told.value == 0 and told.not_tried == "logs of 100 s: log 120 s or more from a cold start"
     with pytest.raises(LogMismatch, match=r"time_constant 3000 s is longer than the longest log, 100 s; log at least"):
         identify(DynamicModel(planar_2r, (*DRAFT[:2], WarmUp(3000.0))), [log], "wls", HOW)
     with pytest.raises(BadOption, match="looked for from 60 s on, in logs of at least twice that; this is 100 s"):

@@ -34,7 +34,7 @@ def run_article(folder: Path, options: argparse.Namespace) -> int:
         progress.step("writing report, estimates, logs and case file")
         written = _write(folder, published, virtual)
     if options.json:
-        from dynident.identification.files.estimate_file import plain
+        from dynident.arrays import plain
 
         console.answer_json({part.title: plain([row.row() for row in part.rows]) for part in (published, virtual)})
         return 0

@@ -176,9 +176,8 @@ def _report(
 
 
 def _figures(contest: Contest, table: Sequence[Outcome], stopped: bool) -> dict[str, Any]:
-    from dynident.arrays import finite
+    from dynident.arrays import finite, plain
     from dynident.cli.jobs import repeat_command
-    from dynident.identification.files.estimate_file import plain
 
     problem = contest.problem
     return {

@@ -241,7 +241,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
             console.answer_table(fits_table(validation), f"{title}: total relative error {total_error(validation)}")
             verdicts.show_rest(validation)
     verdicts.show_nominal(estimate, test)
-    for title, table in choice_tables(estimate.choices, estimate.model.robot.joint_names):
+    for title, table in choice_tables(estimate.choices, model):
         console.answer()
         console.answer_table(table, title)
     console.answer()

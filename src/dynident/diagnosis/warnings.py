@@ -100,7 +100,7 @@ def _at_ends(estimate: Estimate) -> list[str]:
             end = "least" if each.end < 0 else "largest"
             lines.append(f"{each.part} {each.field} {each.value:.3g} is the {end} value that was tried, {remedy}")
     for held in estimate.choices.chosen_fields or ():
-        if held.not_tried and held.field != WHOLE and held.part in parts:
+        if held.not_tried and held.best != held.stated and held.field != WHOLE and held.part in parts:
             finer = "finer positions at a higher rate" if held.best > held.stated else "larger motions"
             more = finer if parts[held.part].ranges[held.field].is_distance else "longer from a cold start"
             where = f" ({', '.join(held.joints)})" if held.joints else ""

@@ -17,12 +17,10 @@ from dynident.identification.problem.choices import Choices, DelayRecord, FieldC
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
-from dynident.identification.selection.friction.column_pool import ROWS, PooledLogs, SharedRows
-from dynident.identification.selection.friction.held_out_errors import NOTHING, OF_SHORT_LOGS, HeldOut, share_of
+from dynident.identification.selection.friction.column_pool import ROWS, SharedRows
 from dynident.identification.selection.friction.held_out_fields import FrictionSearch
 from dynident.identification.selection.friction.load import problem_of, without_load
-from dynident.identification.selection.friction.parts_by_drive import by_drive
-from dynident.identification.selection.friction.search_friction import search_friction
+from dynident.identification.selection.friction.search_friction import predicts_better, search_friction
 from dynident.identification.selection.friction.variable_projection import (
     finest_of,
     has_choices,
@@ -137,15 +135,15 @@ def _within_logs(
     for stated in model.friction:
         part, spans = _within_cycle(model, stated, logs, how), stated.ranges.items()
         needed = max((span.least_log for _, span in spans if span.is_duration), default=0.0)
-        reason = "" if part == stated else "less than half a cycle in the logs"
+        reason = "" if part == stated else "less than half a cycle in the logs: log slow motions over a whole one"
         if stated.is_optional and lack_temperatures and "temperature" in stated.needs:
             part, reason = None, "no temperatures are read (log: columns: temperature)"
         elif stated.is_optional and longest < needed:
-            part, reason = None, f"logs of {longest:.3g} s, {needed:.3g} s needed"
+            part, reason = None, f"logs of {longest:.3g} s: log {needed:.3g} s or more from a cold start"
         if reason:
             left = None if part is None else {*(part.joints or ())}
             joints = stated.joints if left is None else tuple(own for own in model.robot.joint_names if own not in left)
-            aside.append(FieldChoice(called(stated), joints, WHOLE, 0.0, 0.0, 0.0, 0.0, None, reason))
+            aside.append(FieldChoice(called(stated), joints, WHOLE, 0.0, 0.0, 0.0, 0.0, None, None, reason))
         if part is None:
             continue
         least, left_open, moved = finest_of(model, part, finest), (part.choose or (), part.vary or ()), dict[str, Any]()
@@ -155,10 +153,11 @@ def _within_logs(
             if 0.999 * low <= value <= high:
                 continue
             why, step = _beyond(span.is_distance, value < low, low, high)
+            why = f"{value:g} {why}"
             if not any(name in those for those in left_open):
-                raise LogMismatch(logs[0].name, f"{called(part)}: {name} {value:g} {why}", step)
+                raise LogMismatch(logs[0].name, f"{called(part)}: {name} {why}", step)
             end = moved[name] = low if value < low else high
-            aside.append(FieldChoice(called(part), part.joints, name, value, end, end, 0.0, None, f"{value:g} {why}"))
+            aside.append(FieldChoice(called(part), part.joints, name, value, end, end, 0.0, None, None, why))
         parts.append(replace(part, **moved) if moved else part)
     model = replace(model, friction=tuple(parts)) if tuple(parts) != model.friction else model
     return model, finest, tuple(aside)
@@ -218,30 +217,6 @@ def _with_chosen_fields(
     if not better:
         return found.chosen, prepared, replace(choices, chosen_fields=(*found.told, *tried))
     return beside.chosen, rows, replace(own, chosen_fields=(*held, *tried))
-
-
-def predicts_better(
-    model: DynamicModel, logs: Sequence[Prepared], other: DynamicModel, others: Sequence[Prepared], shared: SharedRows
-) -> tuple[bool, tuple[FieldChoice, ...]]:
-    """Return whether a model predicts held-out stretches better than another one, and what its parts with a state do.
-
-    Each with the logs under its own delay; ``others`` are the same logs under that of the other one. ``shared`` are the
-    rows that choices of the same logs have left.
-    """
-    found: list[Array] = []
-    weights = None
-    for each, rows in ((other, others), (model, logs)):
-        own = shared.under(rows)
-        load = shared.load(each, own) if "torque" in each.needs else None
-        pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load, shared=shared).pool(each.friction)
-        parts = by_drive(each, each.friction, range(len(each.friction)))
-        weights = pool.weights(parts) if weights is None else weights
-        found += HeldOut.of(pool, parts, [parts], weights).errors(fastest=False)
-    gain, error = share_of(found[0] - found[1])
-    better = gain > NOTHING
-    told = (WHOLE, 0.0, float(gain > 0), float(better), gain, error)
-    parts = [part for part in model.friction if part.lags and part.is_optional]
-    return better, tuple(FieldChoice(called(part), part.joints, *told) for part in parts)
 
 
 def _within_cycle(model: DynamicModel, part: Friction, logs: Sequence[Log], how: Preprocessing) -> Friction | None:

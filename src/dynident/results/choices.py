@@ -12,7 +12,9 @@ from dynident.identification.problem.choices import (
     GainUncertainty,
     NoiseBias,
 )
-from dynident.model.friction import WHOLE
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import WHOLE, auto_friction, called
+from dynident.model.friction.periodic import Periodic
 from dynident.results.text import (
     MISSING,
     Column,
@@ -25,18 +27,22 @@ from dynident.results.text import (
 )
 
 
-def choice_tables(choices: Choices, joints: Sequence[str] = ()) -> tuple[tuple[str, Table], ...]:
+def choice_tables(choices: Choices, model: DynamicModel | None = None) -> tuple[tuple[str, Table], ...]:
     """Return the tables, each with its title, from the choices of an estimate; none where nothing was chosen.
 
     Args:
         choices: The choices.
-        joints: Names of the joints, where noise of their positions is among the choices.
+        model: The model of the estimate, where noise of positions is among the choices, or parts that were not offered
+            are to be named.
     """
     tables = []
     if choices.delays:
         tables.append(("Time delay between torque and position signals", _delays(choices.delays)))
-    if choices.chosen_fields:
-        tables.append(("Cross-validation of given friction fields", _held_out(choices.chosen_fields)))
+    if tried := [each for each in choices.chosen_fields or () if not each.not_tried]:
+        tables.append(("Cross-validation of given friction fields", _held_out(tried)))
+    if missing := _not_tried(choices.chosen_fields or (), model):
+        columns = (Column("part"), Column("joints"), Column("field"), Column("given", numeric=True), Column("reason"))
+        tables.append(("Friction that was not tried", Table(columns, tuple(missing))))
     if choices.non_linear:
         tables.append(("Friction fields estimated from the logs", _fields(choices.non_linear)))
     if choices.gain_std is not None:
@@ -44,7 +50,12 @@ def choice_tables(choices: Choices, joints: Sequence[str] = ()) -> tuple[tuple[s
     if choices.position_noise is not None:
         left = choices.position_noise.left
         done = f"taken out, but for {format_percent(left)} that may be left" if left < 1.0 else "in the intervals"
-        tables.append((f"Noise of the positions: its bias is {done}", _noise(choices.position_noise, joints)))
+        tables.append(
+            (
+                f"Noise of the positions: its bias is {done}",
+                _noise(choices.position_noise, () if model is None else model.robot.joint_names),
+            )
+        )
     return tuple(tables)
 
 
@@ -116,25 +127,44 @@ def _held_out(found: Sequence[FieldChoice]) -> Table:
         Column("field"),
         Column("given", numeric=True),
         Column("best", numeric=True),
-        Column("error reduction", "%", numeric=True),
-        Column("std", "%", numeric=True),
+        Column("reduction", "%", numeric=True),
+        Column("fastest", "%", numeric=True),
         Column("used"),
     )
     rows = tuple(
         (
             *_field(each),
             *_values(each),
-            *((MISSING, MISSING) if each.error is None else format_value(100.0 * each.gain, 100.0 * each.error)),
-            f"not tried: {each.not_tried}" if each.not_tried else _used(each),
+            MISSING if each.error is None else " ± ".join(format_value(100.0 * each.gain, 100.0 * each.error)),
+            MISSING if each.fastest is None else format_number(100.0 * each.fastest, 2),
+            _used(each),
         )
         for each in found
     )
     note = (
-        "Reduction of the mean squared cross-validation residual by the best value. The given value is kept unless "
-        "that is half a per cent and more than chance makes it in one of twenty logs; of a part that was open it is a "
-        "start. Of parts without fields of their own the shortest list within one standard error of the best is there."
+        "Reduction of the mean squared residual of held-out samples by the best value ± its std: over blocks, and as "
+        "one more the fastest fifth of the samples, out of the range of the fit, whose own stands beside it. The given "
+        "value is kept unless the reduction is half a per cent and more than chance makes it in one of twenty logs; of "
+        "a part that was open it is a start. Of parts without fields of their own the shortest list within a standard "
+        f"error of the best is there. {MISSING}: nothing differs, as where no samples are faster than others."
     )
     return Table(columns, rows, note)
+
+
+def _not_tried(found: Sequence[FieldChoice], model: DynamicModel | None) -> list[tuple[str, ...]]:
+    """Return what the logs could not decide on, and the parts of ``friction: auto`` that the case does not offer."""
+    rows = [(*_field(each), _values(each)[0], each.not_tried) for each in found if each.not_tried]
+    if not found or model is None:
+        return rows
+    known = {name for each in found for name in each.part.split(", ")} | {called(part) for part in model.friction}
+    for part in (*auto_friction(), Periodic()):
+        needed = max((span.least_log for span in part.ranges.values() if span.is_duration), default=0.0)
+        needs = f"; it needs logs of {needed:g} s and more" if needed else ""
+        needs = "; it needs temperatures (log: columns: temperature)" if "temperature" in part.needs else needs
+        needs = "; it needs the gear ratios of the drives (robot: drives: gear_ratio)" if part.cycle else needs
+        if (name := called(part)) not in known:
+            rows.append((label(name), "all", WHOLE, "left out", f"not among the parts of the case{needs}"))
+    return rows
 
 
 def _used(held: FieldChoice) -> str:
@@ -147,7 +177,7 @@ def _used(held: FieldChoice) -> str:
 def _values(held: FieldChoice) -> tuple[str, str]:
     """Return the stated and the best value of a field; of a whole part, whether it is there."""
     if held.field == WHOLE:
-        return "left out", MISSING if held.not_tried else "there" if held.best else "left out"
+        return "left out", "there" if held.best else "left out"
     return format_given(held.stated), format_number(held.best, 3)
 
 

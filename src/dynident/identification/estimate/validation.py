@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray, finite
+from dynident.arrays import Array, BoolArray, finite, plain
 from dynident.data.log import Log
 from dynident.identification.estimate.envelope import Departure
 from dynident.methods import ShortText
@@ -70,13 +70,7 @@ class NominalErrors:
 
     def figures(self) -> dict[str, Any]:
         """Return the errors as plain data; one that does not exist is None."""
-        return {
-            "friction_fitted": finite(self.friction_fitted),
-            "nothing_fitted": finite(self.nothing_fitted),
-            "joints_friction_fitted": [finite(value) for value in self.joints_friction_fitted],
-            "joints_nothing_fitted": [finite(value) for value in self.joints_nothing_fitted],
-            "friction": [{"name": name, "value": value} for name, value in self.friction.items()],
-        }
+        return plain(asdict(self) | {"friction": [{"name": k, "value": value} for k, value in self.friction.items()]})
 
 
 @dataclass(frozen=True, repr=False)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array, finite, frozen
+from dynident.arrays import Array, finite, frozen, plain
 from dynident.errors import DynidentError, EstimateFormatError
 from dynident.files import DAMAGE, read_json, write_atomically
 from dynident.identification.consistency.labels import labels_of
@@ -286,18 +286,3 @@ def _stds(facts: Mapping[str, Any]) -> list[float] | None:
 def _with_nan(figures: Mapping[str, Any]) -> dict[str, Any]:
     """Return figures with NaN where the file has null."""
     return {name: float("nan") if value is None else value for name, value in figures.items()}
-
-
-def plain(value: Any) -> Any:
-    """Return a value as JSON can hold it: arrays as lists, numbers that are not finite as null."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float):
-        return finite(value)
-    return value

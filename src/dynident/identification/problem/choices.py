@@ -40,6 +40,7 @@ class FieldChoice:
         value: The one that was taken.
         gain: Share of the mean squared cross-validation residual that the best value takes off.
         error: Standard error of that share, block by block; None where the logs have too few rows to hold some out.
+        fastest: Share of the fastest samples alone, predicted by a fit of the others; None where nothing differs there.
         not_tried: Why the logs could not decide on a part; empty where they could.
     """
 
@@ -51,6 +52,7 @@ class FieldChoice:
     value: float
     gain: float
     error: float | None
+    fastest: float | None = None
     not_tried: str = ""
 
 

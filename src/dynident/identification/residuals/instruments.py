@@ -73,12 +73,6 @@ class Instruments:
         inverse = solve_upper(factor[:size, :size], np.eye(size), transposed=True)
         return np.linalg.solve(_projection(factor, size), inverse)
 
-    def quick_covariance(self, weights: Array) -> Array:
-        """Return (Z' W)^-1 Z' Z (W' Z)^-1 of the weighted rows, shape (b, b): for residuals of one, all independent."""
-        size = self.problem.base.count
-        spread = self.stacked(weights)[:size, :size] @ self.influence(weights).T
-        return spread.T @ spread
-
     def uncertainty(self, weights: Array, beta: Array) -> Uncertainty:
         """Return the covariance (Z' W)^-1 Z' S Z (W' Z)^-1 with S that of the residuals at ``beta``, by frequency.
 

@@ -197,4 +197,5 @@ def instrument_round(made: Instruments, beta: Array) -> Round:
     weights = 1.0 / problem.joint_deviations(beta)
     found = made.solve(weights)
     residual = np.sqrt(problem.reduced(weights).residual_square(found) / max(int(problem.counts.sum()), 1))
-    return Round(found, weights, float(residual), made.quick_covariance(weights))
+    spread = made.stacked(weights)[: problem.base.count, : problem.base.count] @ made.influence(weights).T
+    return Round(found, weights, float(residual), spread.T @ spread)  # of residuals of one, all independent

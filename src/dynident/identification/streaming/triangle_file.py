@@ -24,12 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, plain
 from dynident.data.preprocessing import Preprocessing
 from dynident.errors import DynidentError, TriangleFileError
 from dynident.file_versions import Document, FileVersions
 from dynident.files import unreadable, write_atomically
-from dynident.identification.files.estimate_file import plain
 from dynident.identification.files.saved_values import (
     columns_from_dict,
     columns_to_dict,

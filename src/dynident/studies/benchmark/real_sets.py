@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from dynident.arrays import plain
 from dynident.case.case import Case, read_case
 from dynident.case.case_values import guarded, texts
 from dynident.case.prior_file import read_prior
@@ -20,7 +21,6 @@ from dynident.file_versions import Document, FileVersions, renamed
 from dynident.files import sha256_of, unreadable
 from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimators import ESTIMATORS
-from dynident.identification.files.estimate_file import plain
 from dynident.model.documents.sections import Section
 from dynident.robot_files.strict_yaml import load_yaml
 from dynident.studies.benchmark.runner import failed

@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array, finite
+from dynident.arrays import Array, finite, plain
 from dynident.data.log import Log
 from dynident.errors import DynidentError
 from dynident.excitation.trajectories.base import Designable
 from dynident.identification.build_problem import build_problem
 from dynident.identification.estimators import ESTIMATORS
-from dynident.identification.files.estimate_file import plain
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.robot import Robot

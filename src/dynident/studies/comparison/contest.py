@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from dynident.applications.standstill import counted_at_rest, with_rest
-from dynident.arrays import Array, finite
+from dynident.arrays import Array, finite, plain
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared
 from dynident.diagnosis.culprit import culprit
@@ -20,7 +20,6 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.estimators import Estimator
 from dynident.identification.estimators.wls import WLS
-from dynident.identification.files.estimate_file import plain
 from dynident.identification.fit import fit
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem

@@ -130,15 +130,14 @@ class HeldOut:
         fits = {view: self.weighed.blocks(view, columns) for view, columns in own.items()}
         return [(fits[view], np.searchsorted(own[view], keep)) for _, view, keep in self.best]
 
-    def errors(self, fastest: bool = True) -> list[Array]:
+    def errors(self) -> list[Array]:
         """Return the logarithms of the held-out errors of each: of the blocks, and of the fastest rows, (B + 1,)."""
         weighed = self.weighed
         rows, count = np.maximum(weighed.rows, 1), max(int(weighed.pool.fast_rows.sum()), 1)
         found = [fits.losses(places) / rows for fits, places in self._held]
-        if fastest:
-            for k, (_, view, keep) in enumerate(self.best):
-                beta = weighed.all[view].residual(keep)[0, :-1]
-                found[k] = np.append(found[k], beyond(beta, *weighed.fast[view], keep, weighed.pool.shared) / count)
+        for k, (_, view, keep) in enumerate(self.best):
+            beta = weighed.all[view].residual(keep)[0, :-1]
+            found[k] = np.append(found[k], beyond(beta, *weighed.fast[view], keep, weighed.pool.shared) / count)
         return [np.log(np.maximum(each, TINY)) for each in found]
 
     def by_joint(self) -> list[Array]:
@@ -156,6 +155,11 @@ class HeldOut:
 def share_of(gaps: Array) -> tuple[float, float]:
     """Return the share that is taken off an error and its standard error, from logarithms of its ratios (B,)."""
     return float(-np.expm1(-np.mean(gaps))), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
+
+
+def evidence(gaps: Array) -> tuple[float, float, float | None]:
+    """Return that of such logarithms (B + 1,), and the share by the last of them alone; None where nothing differs."""
+    return *share_of(gaps), float(-np.expm1(-gaps[-1])) or None
 
 
 def is_better(gaps: Array, chance: float | None = CHANCE, least: float = NOTHING) -> bool:

@@ -6,19 +6,20 @@ another value is taken only where its error is smaller than that of the stated o
 one of twenty logs (Student's t of the differences, block by block). Then it is found to a finer step, in a fit of all
 rows near it.
 
+The fastest rows are one more stretch: what is chosen has to go on beyond the speeds of the fit.
+
 Parts that ``choose`` names as a whole are added one by one, on all their drives at once, as long as that lowers the
-held-out error, and the shortest list is kept that the best one does not improve on by more than chance. The fastest
-rows are one more block for them: a part has to go on beyond the speeds of the fit. A part with fields of its own
-beside the width is held against its absence with their best values. Where a part is taken, all fields are chosen once
-more beside it; where one that remembers is, so are the other parts. Signs of dry friction that are left to the logs
-turn over one width on the same drive. Errors of blocks are compared by their ratios: a block of large torques has no
-more say than others.
+held-out error, and the shortest list is kept that the best one does not improve on by more than chance. A part with
+fields of its own beside the width is held against its absence with their best values. Where a part is taken, all fields
+are chosen once more beside it; where one that remembers is, so are the other parts. Signs of dry friction that are left
+to the logs turn over one width on the same drive. Errors of blocks are compared by their ratios: a block of large
+torques has no more say than others.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,8 +31,8 @@ from dynident.identification.selection.friction.finer_values import finer_values
 from dynident.identification.selection.friction.held_out_errors import (
     OF_A_PART,
     HeldOut,
+    evidence,
     is_better,
-    share_of,
     shortest_list,
 )
 from dynident.identification.selection.friction.parts_by_drive import (
@@ -47,6 +48,9 @@ from dynident.model.friction import WHOLE, called
 #: Values over its range of a width or of a part's first field, and of a further field beside so many on both sides of
 #: the best of these.
 COARSE, BESIDE, NEAR = 13, 2, 2
+
+#: Why nothing was tried.
+TOO_FEW = "too few samples to hold some out"
 
 #: Steps to finer values at most: of those that are taken for another one, and of all of them together at the end.
 FINER, POLISHED = 3, 10
@@ -91,8 +95,14 @@ class FrictionSearch:
     def told(self) -> tuple[FieldChoice, ...]:
         """What the logs say, in the order of the parts."""
         fields = [(p, held) for (p, _), held in self.found.items()]
-        each = [*fields, *self.decided.items(), *self.apart]
+        each = [*fields, *self.decided.items(), *self.apart, *self._not_tried()]
         return tuple(held for _, held in sorted(each, key=lambda one: one[0]))
+
+    def _not_tried(self) -> Iterator[tuple[int, FieldChoice]]:
+        """Yield the parts that were not tried since others are not there, each with its place."""
+        for p, part in enumerate(self.stated.friction):
+            if part.is_optional and p not in self.decided and (others := part.after or part.in_place_of):
+                yield p, self._told(p, False, None, f"only where {' or '.join(others)} is chosen")
 
     @property
     def remembers(self) -> bool:
@@ -210,12 +220,13 @@ class FrictionSearch:
         gaps = [(each - first) * (1.0 if p in chosen else -1.0) for p, each in zip(linear, errors, strict=True)]
         return {p: self._told(p, p in chosen, own) for p, own in zip(linear, gaps, strict=True)}
 
-    def _told(self, p: int, is_taken: bool, gaps: Array | None) -> FieldChoice:
+    def _told(self, p: int, is_taken: bool, gaps: Array | None, not_tried: str = TOO_FEW) -> FieldChoice:
         """Return what is said of a part, from the logarithms of the blocks' errors without less those with it (B,)."""
-        part = self.stated.friction[p]
-        gain, error = (0.0, None) if gaps is None else share_of(gaps)
-        values = (0.0, float(is_taken or gain > 0), float(is_taken))
-        return FieldChoice(called(part), part.joints, WHOLE, *values, gain, error)
+        part, taken = self.stated.friction[p], float(is_taken)
+        if gaps is None:
+            return FieldChoice(called(part), part.joints, WHOLE, 0.0, 0.0, 0.0, 0.0, None, None, not_tried)
+        best = taken or float(np.mean(gaps) > 0)
+        return FieldChoice(called(part), part.joints, WHOLE, 0.0, best, taken, *evidence(gaps))
 
     def _own_fields(self, p: int) -> list[str]:
         """Return the fields of a part that are left to the logs, without the width that it shares."""
@@ -289,29 +300,29 @@ class FrictionSearch:
         self.model = with_values(self.model, there, stated)
         tried = self.tried(there, points := [stated | point for point in self._points(group[0], names[:1])])
         if not self.tells:
-            return [FieldChoice(*about, name, x, x, x, 0.0, None) for name, x in stated.items()]
-        first, *others = tried.errors(fastest=False)
+            return [FieldChoice(*about, name, x, x, x, 0.0, None, None, TOO_FEW) for name, x in stated.items()]
+        first, *others = tried.errors()
         if names[1:]:  # each of further fields near the best value of the first one
             k = int(np.argmin([np.mean(each) for each in others]))
             near, beside = points[max(k - NEAR, 0) : k + NEAR + 1], self._points(group[0], names[1:])
             points += (more := [own | other for own in near for other in beside if own != own | other])
-            others += self.tried(there, more).errors(fastest=False)[1:]
+            others += self.tried(there, more).errors()[1:]
         k = int(np.argmin([np.mean(each) for each in others]))
         gaps, best, before = first - others[k], dict(points[k]), self.model
         if (is_taken := is_better(gaps)) or names[0] == "width":
             self.model = with_values(self.model, there, best)
             best = dict(zip(names, self._finer([(group, name) for name in names]), strict=True))
             if not is_taken:  # a stated width may lie nearer to the best one than those of the grid
-                finer = np.subtract(*self.tried(there, [stated, best]).errors(fastest=False)[1:])
+                finer = np.subtract(*self.tried(there, [stated, best]).errors()[1:])
                 if is_taken := is_better(finer):
                     gaps = finer
                 else:
                     self.model, best = before, points[k]
-        value, (gain, error) = best if is_taken else stated, share_of(gaps)
+        value, told = best if is_taken else stated, evidence(gaps)
         if names[0] == "width":
             errors, grid = tried.by_joint(), np.array([point["width"] for point in points])
             self._set_apart(group, labels, stated["width"], grid, [errors[k + 1 if is_taken else 0], *errors[1:]])
-        return [FieldChoice(*about, name, stated[name], best[name], value[name], gain, error) for name in names]
+        return [FieldChoice(*about, name, stated[name], best[name], value[name], *told) for name in names]
 
     def _points(self, p: int, names: Sequence[str]) -> list[dict[str, float]]:
         """Return the values of fields of a part that are compared."""
@@ -344,7 +355,7 @@ class FrictionSearch:
         before = [part for p, part in enumerate(model.friction) if p not in self.absent]
         parts = [*before, *(part for p, part in enumerate(split.friction) if p not in absent)]
         sets = [by_drive(model, parts, own) for own in (range(len(before)), range(len(before), len(parts)))]
-        if is_better(np.subtract(*HeldOut.of(self._pooled.pool(parts), sets[0], sets).errors(fastest=False))):
+        if is_better(np.subtract(*HeldOut.of(self._pooled.pool(parts), sets[0], sets).errors())):
             self.model, self.absent, self.heads = split, absent, heads
             there = [[p for p in self._of(group) if split.friction[p].joints == held.joints] for held in own.values()]
             finer = self._finer([(each, "width") for each in there])

@@ -10,13 +10,14 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
+from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.selection.friction.column_pool import ROWS, PooledLogs, SharedRows
-from dynident.identification.selection.friction.held_out_errors import BLOCKS, OF_SHORT_LOGS
+from dynident.identification.selection.friction.held_out_errors import BLOCKS, NOTHING, OF_SHORT_LOGS, HeldOut, evidence
 from dynident.identification.selection.friction.held_out_fields import FrictionSearch
-from dynident.identification.selection.friction.parts_by_drive import by_unit
+from dynident.identification.selection.friction.parts_by_drive import by_drive, by_unit
 from dynident.identification.selection.friction.variable_projection import all_spans, without_optional
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE
+from dynident.model.friction import WHOLE, called
 
 #: Shares of a delay that are compared in a period of the cut-off, a straight line between two of them, and at most.
 STRAIGHT, MOST = 20, 12
@@ -63,3 +64,26 @@ def search_friction(
             break
     search.run(after)
     return search
+
+
+def predicts_better(
+    model: DynamicModel, logs: Sequence[Prepared], other: DynamicModel, others: Sequence[Prepared], shared: SharedRows
+) -> tuple[bool, tuple[FieldChoice, ...]]:
+    """Return whether a model predicts held-out stretches better than another one, and what its parts with a state do.
+
+    Each with the logs under its own delay; ``others`` are the same logs under that of the other one. ``shared`` are the
+    rows that choices of the same logs have left.
+    """
+    found: list[Array] = []
+    weights = None
+    for each, rows in ((other, others), (model, logs)):
+        own = shared.under(rows)
+        load = shared.load(each, own) if "torque" in each.needs else None
+        pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load, shared=shared).pool(each.friction)
+        parts = by_drive(each, each.friction, range(len(each.friction)))
+        weights = pool.weights(parts) if weights is None else weights
+        found += HeldOut.of(pool, parts, [parts], weights).errors()
+    gain, error, fastest = evidence(np.subtract(*found))
+    told = (WHOLE, 0.0, float(gain > 0), float(gain > NOTHING), gain, error, fastest)
+    parts = [part for part in model.friction if part.lags and part.is_optional]
+    return gain > NOTHING, tuple(FieldChoice(called(part), part.joints, *told) for part in parts)

@@ -22,7 +22,7 @@ class ChoicesSection(ReportSection):
     def context(self, subject: Subject) -> dict[str, Any]:
         choices, cutoff = subject.estimate.choices, _cutoff(subject)
         reason = "" if choices.cutoff_choice is None else choices.cutoff_choice.reason
-        tables = choice_tables(choices, subject.estimate.model.robot.joint_names)
+        tables = choice_tables(choices, subject.estimate.model)
         return {"tables": tables, "reason": reason, "cutoff": cutoff} if tables or reason or cutoff else {}
 
 
