@@ -90,6 +90,7 @@ def test_the_source_has_none_of(figure: str, figures: dict[str, Any]) -> None:
 #: Files under 60 lines that are neither parts nor ``__init__.py``, and why each stands alone.
 SMALL = {
     "__main__.py": "what Python runs for -m",
+    "actuators/torque_state.py": "refuses logs, where directions only compares",
     "api/estimate_output.py": "of the commands that write an estimate",
     "api/validate.py": "a verb",
     "arrays.py": "ground of all wings",

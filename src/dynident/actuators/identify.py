@@ -10,6 +10,7 @@ import numpy as np
 from dynident.actuators.arm_bodies import free_bodies, stated_bodies
 from dynident.actuators.arm_coupling import Arm
 from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, finished, settled, turned
+from dynident.actuators.directions import turned_over
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
 from dynident.actuators.joint_fit import OFF_S, JointData, JointFit, at_ratio, first_fit, richer_fit, sought_again
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
@@ -92,7 +93,10 @@ def identify_actuators(
     if setup.bodies:
         arm, bodies = free_bodies(arm, robot, setup, logs, progress)
     arm, spreads = finished(arm, progress)
-    joints = [_answer(*each, kp) for each in zip(arm.datas, arm.fits, spreads, strict=True)]
+    progress("directions of the joints")
+    told = {one.joint: one.remark(robot.joint_names) for one in turned_over(robot, train)}
+    parts = enumerate(zip(arm.datas, arm.fits, spreads, strict=True))
+    joints = [_answer(*each, kp, told.get(joint, "") if told else None) for joint, each in parts]
     return ActuatorEstimate(robot.name, tuple(joints), bodies=bodies)
 
 
@@ -156,8 +160,19 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
     return arm if is_all else settled(arm, progress, 0, FEW_TURNS)
 
 
-def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...]) -> JointActuator:
-    """Return the answer for one joint, with what is known of each parameter."""
+def _answer(
+    data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...], turned: str | None = None
+) -> JointActuator:
+    """Return the answer for one joint, with what is known of each parameter.
+
+    Args:
+        data: The joint.
+        fit: What is found of it.
+        spread: How far.
+        kp: Position gains of the training logs.
+        turned: What is said of its direction, empty for nothing, where that of any joint is wrong: what follows from
+            that is not said; None where none is.
+    """
     known = known_parameters(fit.problem(data), fit.parameters, spread)
     parameters, simple, linear = fit.parameters.copy(), fit.simple.copy(), fit.linear.copy()
     law, ratio = data.law, fit.ratio
@@ -166,7 +181,7 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
         for values in (parameters, simple, linear):
             values[PLACE["gain_ratio"]] *= ratio
         known = tuple(one.scaled(ratio) if one.name == "gain_ratio" else one for one in known)
-    remarks = _remarks(data, kp, fit.parameters)
+    remarks = _remarks(data, kp, poor_fit(data, fit.parameters) if turned is None else turned)
     inertia = float(np.mean([np.mean(one.loads[:, 0]) for one in data.train]))
     known = as_ratios(known, spread, inertia)
     is_scaleless = lacks_scale({one.name: one.label for one in known})
@@ -177,7 +192,7 @@ def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...
         )
     elif law.full_torque is not None:
         remarks += contradiction(known, law.full_torque, law.gain_is_free)
-    elif is_scaleless:
+    elif is_scaleless and turned is None:
         remarks += unseen_weight(data)
     saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
     known, combinations = _known_together(data, known, parameters, "gain_ratio" in fit.free, kp)
@@ -237,8 +252,8 @@ def _known_together(
     return known, tuple(found)
 
 
-def _remarks(data: JointData, kp: tuple[float, ...], parameters: Array) -> tuple[str, ...]:
-    remarks = list(filter(None, [poor_fit(data, parameters)]))
+def _remarks(data: JointData, kp: tuple[float, ...], first: str) -> tuple[str, ...]:
+    remarks = list(filter(None, [first]))
     if all(is_read_back(one.log, one.joint) for one in data.rows):
         text = "commands are its positions and noise, which moves no joint: where they are read back, log what is sent"
         remarks.append(text)

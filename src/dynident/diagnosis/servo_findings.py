@@ -6,10 +6,12 @@ from collections.abc import Container, Sequence
 
 import numpy as np
 
+from dynident.actuators.directions import turned_over
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.servo_log import MOVED, ServoLog, is_outside, is_read_back
 from dynident.case.evidence.velocities import velocity_pair
 from dynident.diagnosis.finding import SEVERITIES, Finding
+from dynident.model.robot import Robot
 
 #: Share of failed reads, of saturated samples that is an error, and that is a warning.
 _FAILED, _ALL_SATURATED, _MUCH_SATURATED = 0.005, 0.9, 0.3
@@ -38,6 +40,24 @@ def servo_findings(
         found += [] if log.joints[joint] in released else _never_off(log, joint)
     found += _late_velocity(log)
     return sorted(found, key=lambda one: SEVERITIES.index(one.severity))
+
+
+def direction_findings(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
+    """Return which joints run the other way, by all logs together.
+
+    Args:
+        robot: With inertias.
+        logs: Logs of its joints, as they were read.
+
+    Raises:
+        NotConsistent: The robot model has no inertias.
+    """
+    found = []
+    for one in turned_over(robot, logs):
+        evidence, remedy = one.told(robot.joint_names)
+        numbers = {"zero_rad": one.zero} if one.zero else {}
+        found.append(Finding("error", "direction", robot.joint_names[one.joint], evidence, remedy, numbers))
+    return found
 
 
 def _gaps(log: ServoLog) -> list[Finding]:

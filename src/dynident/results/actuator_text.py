@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dynident.actuators.directions import TURNED
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
@@ -138,7 +139,9 @@ _UNSCALED = ("not separable", AS_RATIO)
 def joint_warnings(joint: JointActuator) -> list[str]:
     """Return what speaks against trusting the actuator of a joint."""
     found = list(joint.remarks)
-    if any(text.startswith(MISSED) for text in found):  # parameters of a wrong model: no experiment mends them
+    if any(
+        text.startswith((MISSED, TURNED)) for text in found
+    ):  # parameters of a wrong model: no experiment mends them
         return found
     for one in joint.combinations:
         found.append(f"{one.name} is known only as a whole ({one.words})")
