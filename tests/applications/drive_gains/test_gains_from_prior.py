@@ -71,15 +71,17 @@ def test_a_share_that_leaves_no_verdict_is_told_with_one_that_gives_it(spatial_3
     assert set(named) <= set(better.by_joint()) and better.remarks == ()
 
 
-def test_a_base_that_leans_contradicts_known_bodies(spatial_3r: Robot) -> None:
+@pytest.mark.parametrize("lean", [-15.0, 100.0, 180.0])
+def test_a_base_that_stands_otherwise_contradicts_known_bodies(spatial_3r: Robot, lean: float) -> None:
     arm = LoadedArm(spatial_3r, GAINS, ("coulomb", "viscous", "load"))
-    tilt = np.radians(-15.0)
+    tilt = np.radians(lean)
     stated = 9.81 * np.array([0.0, np.sin(tilt), -np.cos(tilt)])
     wrong = replace(arm.model, robot=spatial_3r.with_gravity(stated))
     for share in (0.0, 0.05):
         gains = gains_from_prior(wrong, [arm.log(False, 0.02)], share=share, preprocessing=GIVEN)
         assert all("the stated gravity contradicts the logs" in gain.reason for gain in gains.gains)
-        assert 14.5 < float(gains.gains[0].reason.partition(" degrees off")[0].rpartition(" ")[2]) < 15.5
+        angle = float(gains.gains[0].reason.partition(" degrees off")[0].rpartition(" ")[2])
+        assert angle == pytest.approx(abs(lean), abs=0.7)
         assert gains_from_prior(arm.model, [arm.log(False, 0.02)], share=share, preprocessing=GIVEN).complete
     floating = replace(arm.model, robot=spatial_3r.with_gravity(np.zeros(3)))  # no direction to be found
     assert "gravity" not in gains_from_prior(floating, [arm.log(False)], preprocessing=GIVEN).gains[0].reason

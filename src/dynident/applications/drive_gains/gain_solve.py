@@ -126,19 +126,20 @@ class GainSolve:
         )
 
     def under_free_gravity(
-        self, runs: PreparedRuns, unknowns_of: Callable[[BaseParameters], Unknowns]
+        self, runs: PreparedRuns, unknowns_of: Callable[[BaseParameters], Unknowns], start: Array
     ) -> tuple[Array, float]:
-        """Return gravity (3,) in the direction that fits prepared runs of logs best, and the misfit with it.
+        """Return gravity (3,) in the direction near a start that fits logs best, and the misfit with it.
 
         Args:
             runs: Prepared runs of logs.
             unknowns_of: The unknowns beside the gains for base parameters.
+            start: Where the search begins, shape (3,), in m/s^2.
         """
         self.progress("direction of gravity")
         base = base_in_any_direction(self.model)
         plain = unknowns_of(base)
-        quiet = replace(self, base=base, unknowns=plain, progress=lambda step: None)
-        gravity = np.asarray(self.model.robot.gravity)
+        quiet = replace(self, model=under(self.model, start), base=base, unknowns=plain, progress=lambda step: None)
+        gravity = start
         free = replace(quiet, unknowns=with_lean(plain))
         loads = [np.zeros(base.count) if "torque" in self.model.needs else None for _ in runs.logs]
         data = quiet._data(runs.logs, loads)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from dynident.applications.drive_gains.drive_gains import NOT_DETERMINED, DriveGains
+from dynident.applications.drive_gains.drive_gains import IDENTIFIED, NOT_DETERMINED, DriveGains
 from dynident.applications.drive_gains.gain_solve import GainOptions, GainSolve, PreparedRuns, Progress, Runs, misfit
 from dynident.applications.drive_gains.methods import METHODS
 from dynident.applications.drive_gains.payload import CarriedBody
@@ -17,7 +18,7 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, default_preprocessing
 from dynident.diagnosis.causes.column_readings import GAIN, variance_falls
-from dynident.diagnosis.causes.gravity_direction import LEAN, degrees_off
+from dynident.diagnosis.causes.gravity_direction import LEAN, degrees_off, other_mountings
 from dynident.errors import BadOption, LogMismatch, SolverFailed
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
@@ -98,14 +99,22 @@ def _other_payload(other: DriveGains, unknown: CarriedBody, robot: Robot) -> str
 def _leaning(
     found: DriveGains, solve: GainSolve, runs: PreparedRuns, unknowns_of: Callable[[BaseParameters], Unknowns]
 ) -> list[tuple[float, str]]:
-    """Return the misfit with gravity in the direction that fits best, and that in words, where it fits far better."""
+    """Return the misfit with gravity in the direction that fits best, and that in words, where it fits far better.
+
+    Where fewer than half of the gains are identified, axes of the base that are other mountings are tried as well.
+    """
     stated = np.asarray(solve.model.robot.gravity)
     if not np.any(stated):
         return []
-    try:
-        gravity, size = solve.under_free_gravity(runs, unknowns_of)
-    except (BadOption, SolverFailed):
+    poor = 2 * sum(gain.label == IDENTIFIED for gain in found.gains) < len(found.gains)
+    tried: list[tuple[float, Array]] = []
+    for start in (stated, *(other_mountings(stated) if poor else ())):
+        with suppress(BadOption, SolverFailed):
+            there, misfit_there = solve.under_free_gravity(runs, unknowns_of, start)
+            tried.append((misfit_there, there))
+    if not tried:
         return []
+    size, gravity = min(tried, key=lambda each: each[0])
     angle, gain = degrees_off(gravity, stated), 2.0 * (_misfit(found) - size)
     if gain < GAIN or angle < LEAN:
         return []

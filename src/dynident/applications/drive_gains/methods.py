@@ -178,7 +178,7 @@ def _climbed(data: GainData, here: _StructuredPoint, thin: Array, least: Array) 
         if calm == 2:
             return here, step
     evidence = f"no convergence within {STEPS} steps"
-    step_next = "record a motion that loads every joint by gravity, or use the method 'wls'"
+    step_next = "check gravity, signs and order of the columns; record a motion that loads every joint by gravity"
     raise SolverFailed("structured total least squares for drive gains", evidence, step_next)
 
 

@@ -119,10 +119,7 @@ class GravityDirection:
 
     def other_mounting(self) -> tuple[Array, float]:
         """Return the axis of the base, apart from the stated direction, along which gravity explains most; its gain."""
-        gravity = np.asarray(self._fit.model.robot.gravity)
-        size = float(np.linalg.norm(gravity))
-        axes = [sign * size * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
-        others = [axis for axis in axes if axis @ gravity <= APART * size**2]
+        others = other_mountings(np.asarray(self._fit.model.robot.gravity))
         return max(zip(others, self.gains(others), strict=True), key=lambda each: each[1])
 
 
@@ -138,6 +135,13 @@ def _refined(axis: Array, gain: float, size: float) -> Search[Array, float, tupl
         else:
             step /= 2
     return best, found
+
+
+def other_mountings(stated: Array) -> list[Array]:
+    """Return gravity (3,) along each axis of the base that is apart from the stated one."""
+    size = float(np.linalg.norm(stated))
+    axes = [sign * size * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+    return [axis for axis in axes if axis @ stated <= APART * size**2]
 
 
 def degrees_off(gravity: Array, stated: Array) -> float:
