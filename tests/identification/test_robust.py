@@ -195,6 +195,12 @@ def test_too_few_steps_are_an_error(dirty: Problem) -> None:
         IRLS(iterations=1).solve(dirty)
 
 
+def test_a_fit_that_runs_away_is_an_error(dirty: Problem) -> None:
+    away = Loss(lambda u: np.full_like(u, 1e300), np.ones_like, np.ones_like)
+    with np.errstate(over="ignore", invalid="ignore"), pytest.raises(SolverFailed, match=r"the last of \d+ steps"):
+        robust_fit(RowPasses(dirty), away, least_squares(dirty.reduced()).beta, None, 200, 1e-2)
+
+
 @pytest.mark.parametrize(
     ("part", "option"),
     [

@@ -222,6 +222,38 @@ def test_what_a_flag_would_end_is_not_written(flag: str, tmp_path: Path) -> None
         reloaded(given(tmp_path, text), tmp_path)
 
 
+@pytest.mark.parametrize("option", ["", '<option gravity="0 0 -9.81" timestep=".002"/>', "<option timestep='.002'/>"])
+@pytest.mark.parametrize("leans", [True, False])
+def test_gravity_under_which_a_model_was_identified_is_in_the_file(option: str, leans: bool, tmp_path: Path) -> None:
+    path = given(tmp_path, MJCF.replace("  <default>", f"  {option}\n  <default>", 1))
+    subject = subject_of(path)
+    robot = subject.model.robot.with_gravity(np.array([0.855, 0.0, -9.7727]) if leans else subject.model.robot.gravity)
+    estimate: Any = SimpleNamespace(model=replace(subject.model, robot=robot))
+    subject = replace(subject, estimate=estimate)
+    assert subject.source is not None
+    patched = patched_mjcf(subject, drives_of(subject), subject.source, False, tmp_path / "out.xml")
+    np.testing.assert_array_equal(patched.after.document.gravity, robot.gravity)
+    assert any("gravity is (0.855 0.0 -9.7727) m/s^2" in note for note in patched.notes) == leans
+    mujoco = pytest.importorskip("mujoco")
+    for file, data in beside(tmp_path / "out.xml", subject.source, patched).items():
+        file.write_bytes(data)
+    np.testing.assert_allclose(mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml")).opt.gravity, robot.gravity)
+    assert (b"gravity" in (tmp_path / "out.xml").read_bytes()) == (leans or "gravity" in option)
+
+
+def test_gravity_that_a_flag_switches_off_is_not_written(tmp_path: Path) -> None:
+    text = MJCF.replace("  <default><joint", '  <option><flag gravity="disable"/></option>\n  <default><joint', 1)
+    subject = subject_of(given(tmp_path, text))
+    estimate: Any = SimpleNamespace(
+        model=replace(subject.model, robot=subject.model.robot.with_gravity(np.array([0.0, 0.0, -9.81])))
+    )
+    assert subject.source is not None
+    with pytest.raises(DescriptionError, match=r"line 5, <flag>: it switches gravity off, .*; enable it in"):
+        patched_mjcf(
+            replace(subject, estimate=estimate), drives_of(subject), subject.source, False, tmp_path / "out.xml"
+        )
+
+
 def test_a_damping_that_mujoco_computes_is_not_written_over(tmp_path: Path) -> None:
     text = MJCF.replace("  <default><joint", '  <default><joint springdamper="0.1 1"', 1)
     with pytest.raises(

@@ -65,6 +65,12 @@ def test_changes_are_those_of_fits_at_the_other_cut_offs(model: DynamicModel, lo
         assert row.largest_change == pytest.approx(np.abs(row.changes).max())
 
 
+def test_a_log_whose_motion_is_in_one_block_alone_has_no_table(model: DynamicModel, log: Log) -> None:
+    """Without that block the rows determine nothing: a raw LinAlgError before."""
+    q = np.where(np.arange(len(log.q))[:, None] < 3400, log.q[3400], log.q)
+    assert sensitive(model, replace(log, q=q)).choices.cutoff_sensitivity is None
+
+
 def test_noise_of_the_positions_that_biases_is_told(model: DynamicModel, log: Log) -> None:
     noisy = replace(log, q=log.q + 1e-3 * np.random.default_rng(0).normal(size=log.q.shape))
     estimate = sensitive(model, noisy)

@@ -16,7 +16,7 @@ from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, friction_notes, left_out, place_beside
 from dynident.exports.models.writing.sdf_own import patched_sdf
 from dynident.exports.models.writing.sdf_text import base_note, sdf_text
-from dynident.exports.models.writing.urdf import between_note
+from dynident.exports.models.writing.urdf import between_note, gravity_note
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ class Sdf(ModelExporter):
         drives = drives_of(subject)
         if subject.source is not None and subject.source.kind == "sdf":
             patched = patched_sdf(subject, drives, subject.source, self.lump)
-            notes = (*((subject.source.note,) if subject.source.note else ()), *patched.notes)
+            told = (*((subject.source.note,) if subject.source.note else ()), *gravity_note(subject, "a model in SDF"))
+            notes = (*told, *patched.notes)
             files = {path: patched.data, place_beside(path): document_bytes(subject, drives)}
             left = left_out(drives, armature=True, coupled=False)
             return ModelContent(files, left, (*notes, *friction_notes(drives, "SDF")))

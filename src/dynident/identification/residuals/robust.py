@@ -121,7 +121,7 @@ def robust_fit(
     problem = passes.problem
     residual = passes.residuals(beta)
     spread = robust_scales(problem, residual, passes.counting) if scale is None else scale
-    change = np.inf
+    change, done = np.inf, 0
     for done in range(1, iterations + 1):
         reduced = problem.reduced(1.0 / spread)
         if done == 1:
@@ -134,11 +134,13 @@ def robust_fit(
         change = float(np.linalg.norm(reduced.r @ step) / np.sqrt(len(beta)))
         moved = float(np.max(np.abs(renewed / spread - 1.0)))
         spread = renewed
+        if not np.all(np.isfinite(spread)):
+            break
         if change <= tolerance and moved <= tolerance:
             return RobustFit(beta, spread, residual / spread, done)
     raise SolverFailed(
         "the robust fit",
-        f"the last of {iterations} steps was still {change:.2g} standard deviations long",
+        f"the last of {done} steps was still {change:.2g} standard deviations long",
         "allow more iterations, or look for a joint whose torque the model does not explain",
     )
 

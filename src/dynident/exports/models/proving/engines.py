@@ -121,7 +121,6 @@ def _torque_of(api: Any, model: Any, states: StateSet, is_urdf: bool, bodies_onl
     q, dq, ddq = states.of(joints)
     state, found = api.MjData(model), np.empty_like(q)
     if bodies_only:
-        model.opt.gravity = states.gravity
         _without_forces(api, model, state)
     for k in range(len(q)):
         state.qpos[places], state.qvel[dofs], state.qacc[dofs] = q[k], dq[k], ddq[k]

@@ -48,7 +48,7 @@ def reload_mjcf(
 
 def own_torque(model: MjcfModel, states: StateSet, subject: Identified) -> Array:
     """Return the torque of the bodies and joints that a file states, shape (N, n), in N m or N."""
-    robot = model.robot().with_gravity(subject.model.robot.gravity)
+    robot = model.robot()
     joints = [joint.name for joint in robot.active]
     q, dq, ddq = states.of(joints)
     assert robot.nominal is not None

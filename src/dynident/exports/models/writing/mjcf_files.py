@@ -53,6 +53,12 @@ class MjcfFiles:
         data, place = self.of(element)
         self.add(element, with_attributes(data, place, values))
 
+    def append(self, text: bytes) -> None:
+        """Add an element at the end of the main file."""
+        path = str(self._document.path)
+        data = self._document.texts[path]
+        self._edits.setdefault(path, []).append(added_child(data, elements(path, data), text))
+
     def texts(self, output: Path, is_elsewhere: bool) -> tuple[dict[str, bytes], list[str]]:
         """Return the files that changed, by path, and the names of those beside the main one.
 

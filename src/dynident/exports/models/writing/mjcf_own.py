@@ -88,13 +88,14 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
     tags, left = _tags(subject, drives, before)
     for name, values in tags.items():
         writer.joint(name, values)
+    tilt = writer.gravity(robot.gravity)
     is_elsewhere = output.resolve().parent != source.path.resolve().parent
     files = writer.files()
     edited, renamed = files.texts(output, is_elsewhere)
     here, _ = files.found_from(source.path, edited)
     after = read_mjcf_model(source.path, here[str(source.path)], here)
     texts, folders = files.found_from(output, edited)
-    notes = kept_notes(shares, placement, left)
+    notes = [*tilt, *kept_notes(shares, placement, left)]
     if renamed:
         what = "other files are copied to" if is_elsewhere else "what changed in other files is in"
         notes.append(f"your own files stay as they are: {what} {some(renamed)}")
@@ -258,6 +259,28 @@ class _Writer:
                 self._files.set(motor, dict.fromkeys(gone, "0"))
         if changed and not self._is_written(f"joint '{name}'", source.element, changed):
             self._files.set(source.element, changed)
+
+    def gravity(self, gravity: Array) -> list[str]:
+        """Give the world another gravity, shape (3,) in m/s^2, where it is another; return what the reader has to know.
+
+        Raises:
+            DescriptionError: Gravity is switched off in the file.
+        """
+        document = self._model.document
+        if np.allclose(gravity, document.gravity, rtol=0.0, atol=1e-9):
+            return []
+        if element := document.disabled.get("gravity"):
+            evidence = f"it switches gravity off, and the model was identified under ({numbers(gravity)}) m/s^2"
+            raise element.place.error(evidence, "enable it in your file, and export with --description FILE")
+        stated = [one for one in document.sections.get("option", []) if "gravity" in one.attributes]
+        if stated:
+            self._files.set(stated[-1], {"gravity": numbers(gravity)})
+        else:
+            self._files.append(f'<option gravity="{numbers(gravity)}"/>'.encode("ascii"))
+        now, before = numbers(gravity), numbers(document.gravity)
+        return [
+            f"gravity is ({now}) m/s^2, as the model was identified, for ({before}): all else in the world has it too"
+        ]
 
     def _is_written(self, where: str, element: Element, values: dict[str, str]) -> bool:
         """Return whether an element has been written for another of its bodies or joints."""

@@ -45,20 +45,19 @@ def written_urdf(subject: Identified, drives: Drives, lump: bool) -> tuple[bytes
     source = subject.source
     if source is not None and source.is_urdf:
         found = patched(subject, drives, source, lump)
-        return found.data, ((source.note,) if source.note else ()) + found.notes
+        return found.data, (*([source.note] if source.note else []), *gravity_note(subject, "a URDF"), *found.notes)
     other = "the robot model is no URDF: the URDF is new, without meshes"
     note = anew_note(subject.source, subject.estimate, "URDF") or (other,)
-    return new_urdf(subject, drives), (*note, *_gravity_note(subject), *between_note(subject, "URDF"))
+    return new_urdf(subject, drives), (*note, *gravity_note(subject, "a URDF"), *between_note(subject, "URDF"))
 
 
-def _gravity_note(subject: Identified) -> list[str]:
-    """Return what is to be said where gravity is another than readers of a URDF take."""
+def gravity_note(subject: Identified, noun: str) -> list[str]:
+    """Return what is to be said where gravity is another than readers of a format take, which does not state it."""
     gravity = subject.model.robot.gravity
     if np.array_equal(gravity, STANDARD_GRAVITY):
         return []
-    return [
-        f"gravity is ({', '.join(f'{g:g}' for g in gravity)}) m/s², which a URDF cannot say: set it where it is loaded"
-    ]
+    vector = ", ".join(f"{g:g}" for g in gravity)
+    return [f"gravity is ({vector}) m/s², which {noun} cannot say: set it where it is loaded"]
 
 
 def between_note(subject: Identified, noun: str) -> list[str]:

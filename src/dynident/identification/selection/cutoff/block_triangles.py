@@ -49,9 +49,7 @@ class BlockTriangles:
         Raises:
             PoorExcitation: The rows do not determine all base parameters.
         """
-        with one_blas_thread():
-            check_rank(reduce(self.total, self.regressor.base.count, np.ones(len(self.total))), self.regressor.base)
-        return weighted_fit(self.total, self.regressor.base.count)
+        return self._fitted(self.total)
 
     @cached_property
     def reduced(self) -> Reduced:
@@ -74,9 +72,13 @@ class BlockTriangles:
         return self.influences.T @ self.influences * count / max(count - 1, 1)
 
     def without(self, left_out: Sequence[int]) -> Array:
-        """Return the estimate (b,) of all blocks but some."""
-        rest = [block for k, block in enumerate(self.blocks) if k not in left_out]
-        return weighted_fit(merged(rest), self.regressor.base.count)[0]
+        """Return the estimate (b,) of all blocks but some; raises as :attr:`fit` does."""
+        return self._fitted(merged([block for k, block in enumerate(self.blocks) if k not in left_out]))[0]
+
+    def _fitted(self, triangles: tuple[Triangle, ...]) -> tuple[Array, Array]:
+        with one_blas_thread():
+            check_rank(reduce(triangles, self.regressor.base.count, np.ones(len(triangles))), self.regressor.base)
+        return weighted_fit(triangles, self.regressor.base.count)
 
 
 def block_triangles(problem: Problem, shortest_s: float, most: int) -> BlockTriangles:

@@ -31,8 +31,9 @@ HIGHEST = 0.4
 def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]) -> CutoffSensitivity | None:
     """Return what weighted least squares finds at half and at double the cut-off; None where there is no cut-off.
 
-    All is judged at the cut-off of the estimate: the held-out error is that of blocks of its rows, each predicted by a
-    fit of the other blocks at the other cut-off. Changes of parameters are counted in the deviations of the estimate.
+    None too where the rows without a block do not determine all parameters. All is judged at the cut-off of the
+    estimate: the held-out error is that of blocks of its rows, each predicted by a fit of the other blocks at the other
+    cut-off. Changes of parameters are counted in the deviations of the estimate.
 
     Args:
         estimate: The estimate, with its own load where friction depends on it.
@@ -44,9 +45,9 @@ def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]
         return None
     try:
         own = block_triangles(problem, 0.0, FOLDS)
+        rows = [_figures(estimate, own, own, stated, stated)]
     except DynidentError:
         return None
-    rows = [_figures(estimate, own, own, stated, stated)]
     for factor in FACTORS:
         hertz = factor * stated
         if hertz > HIGHEST * min(log.log.rate for log in problem.logs):

@@ -93,8 +93,9 @@ def _step(
             for there, other in zip(pool.columns[p], next(beside), strict=True):
                 slope[other] += sign * beta[there] / APART
     products = turn.T @ whole @ turn
-    size = np.sqrt(np.diag(products)[:-1])
-    size[size == 0] = 1.0
+    lost = np.diag(products) <= 0.0  # by rounding
+    products[lost], products[:, lost] = 0.0, 0.0
+    size = np.sqrt(np.where(lost, 1.0, np.diag(products)))[:-1]
     inverse = np.linalg.inv(products[:-1, :-1] / np.outer(size, size) + RIDGE * np.eye(len(size)))
     found, last = inverse @ (products[:-1, -1] / size) / size, slice(len(keep), None)
     return float(fits.losses(keep)[0]), found[last], (inverse / np.outer(size, size))[last, last]
