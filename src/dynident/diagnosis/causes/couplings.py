@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dynident.arrays import Array, IntArray
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.line_search import lowest_near, run
 from dynident.diagnosis.causes.quick_fit import QuickFit
@@ -22,10 +22,12 @@ from dynident.diagnosis.causes.weighted_fit import EXACT, weighted_variances
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.model.friction import Motion
 
-#: Relative residual above which a joint is not explained, so that a coupling of its motor is looked for.
-UNEXPLAINED = 0.1
+#: Relative residual above which a joint is not explained, so that a coupling of its motor is looked for; and the
+#: one above which it is not where it is so many times the median of all joints.
+UNEXPLAINED, OUTLYING, TIMES = 0.1, 0.03, 4.0
 
 #: Sizes of the entries of C that are tried, of either sign, for the first one and beside others; 1 is that of bevels.
+#: Of a motor that slides and a joint that turns, or the other way round, times the ratio of their usual speeds.
 SIZES, FINE_SIZES = (np.sort([*0.05 * step ** np.arange(count), 1.0]) for step, count in ((2.0, 7.0), (1.5, 12.0)))
 
 #: Motors of a differential: both turn with both joints.
@@ -70,11 +72,16 @@ class Coupled:
 
 def best_coupling(fit: QuickFit) -> Coupled | None:
     """Return the coupling of neighbouring joints that a log asks for; None where it asks for none."""
-    if not np.any(fit.relative > UNEXPLAINED):
+    if not np.any(unexplained(fit)):
         return None
     rows = CoupledRows(fit)
     found = [each for at_motors in (False, True) if (each := _found(_Scan(rows, at_motors))) is not None]
     return max(found, key=lambda each: each.gain, default=None)
+
+
+def unexplained(fit: QuickFit) -> BoolArray:
+    """Return which joints the fit does not explain, shape (n,)."""
+    return fit.relative > min(UNEXPLAINED, max(OUTLYING, TIMES * float(np.median(fit.relative))))
 
 
 def _found(scan: _Scan) -> Coupled | None:
@@ -110,7 +117,12 @@ class _Scan:
         sizes = SIZES if np.array_equal(matrix, self.stated) else FINE_SIZES
         open_places = [place for place in self.rows.pairs if not matrix[place]]
         tried = {
-            place: np.unique([*-sizes, *sizes, *self.rows.start(matrix, place, self.at_motors)])
+            place: np.unique(
+                [
+                    *(self.rows.unit(place) * np.array([*-sizes, *sizes])),
+                    *self.rows.start(matrix, place, self.at_motors),
+                ]
+            )
             for place in open_places
         }
         for place in open_places:
@@ -154,13 +166,17 @@ class _Scan:
         return np.sqrt(self._variances([matrix])[0]) / np.maximum(size, 1e-300)
 
     def deviation(self, matrix: Array, place: tuple[int, int]) -> float:
-        """Return the standard deviation of an entry of C, by the curvature of the likelihood of independent rows."""
+        """Return the standard deviation of an entry of C.
+
+        That of the curvature of the likelihood of independent rows, and beside it the share of the torque that the
+        model still leaves: as far as that may be what such an entry does.
+        """
         value = float(matrix[place])
         step = 1e-2 * abs(value)
         low, middle, high = self.gains([_with(matrix, place, value + shift) for shift in (-step, 0.0, step)])
         curvature = (2 * middle - low - high) / step**2
-        rows = float(np.median(self.rows.fit.independent_rows))
-        return float(np.sqrt(2.0 / (rows * curvature))) if curvature > 0 else float("inf")
+        rows, left = float(np.median(self.rows.fit.independent_rows)), float(np.max(self.relative(matrix)[list(place)]))
+        return float(np.hypot(np.sqrt(2.0 / (rows * curvature)), left * value)) if curvature > 0 else float("inf")
 
     def _refined(self, matrix: Array, place: tuple[int, int], values: Array) -> tuple[float, float]:
         """Return gain and value of the best entry between the first and the last of three values."""
@@ -227,6 +243,12 @@ class CoupledRows:
         torque = self.fit.rows.torque
         return torque, torque @ np.linalg.solve(self.stated, matrix)
 
+    def unit(self, place: tuple[int, int]) -> float:
+        """Return what sizes of an entry count in: the ratio of the speeds of motor and joint, where one slides."""
+        kinds = [self.fit.model.robot.active[k].kind for k in place]
+        speeds = [float(np.sqrt(np.mean(np.asarray(self._motion.dq)[:, k] ** 2))) for k in place]
+        return 1.0 if kinds[0] == kinds[1] or not speeds[1] else max(speeds[0] / speeds[1], 1e-9)
+
     def start(self, matrix: Array, place: tuple[int, int], at_motors: bool) -> tuple[float, ...]:
         """Return an entry near the best one, as the peak of a good log is narrow; none where the rows tell none.
 
@@ -245,7 +267,7 @@ class CoupledRows:
         target = self.torques(matrix)[int(at_motors)][:, row] - self.fit.rows.known[:, row]
         *_, before, last = np.linalg.lstsq(block[mask], target[mask])[0]
         value = -last if at_motors else last / before if before else 0.0
-        return (float(value),) if 0 < abs(value) < 2 * SIZES[-1] else ()
+        return (float(value),) if 0 < abs(value) < 2 * SIZES[-1] * self.unit(place) else ()
 
     def products(self, matrix: Array, i: int) -> tuple[Array, Array, Array, Array]:
         """Return products of the columns of a joint, those with both torques, the squares of these, and their own.
@@ -320,12 +342,12 @@ class CoupledRows:
 
     def _neighbours(self) -> Iterator[tuple[int, int]]:
         """Yield motors and joints: one or two joints before that of the motor, or the next one behind it."""
-        above = _ancestors(self.fit)
+        above, is_open = _ancestors(self.fit), unexplained(self.fit)
         for motor in range(len(above)):
             for joint in range(len(above)):
                 before = joint in above[motor] and motor - joint <= 2
                 behind = motor in above[joint] and joint - motor == 1
-                if (before or behind) and max(self.fit.relative[[motor, joint]]) > UNEXPLAINED:
+                if (before or behind) and (is_open[motor] or is_open[joint]):
                     yield motor, joint
 
 

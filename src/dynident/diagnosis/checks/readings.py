@@ -295,7 +295,9 @@ def _couplings(fit: QuickFit) -> Iterator[Interpretation]:
         return
     names = fit.model.robot.joint_names
     told = [
-        f"the motor of {names[motor]} turns {value:.4g}{f' (+- {spread:.1g})' * bool(spread)} times {names[joint]}"
+        f"the motor of {names[motor]} {'turns' if turns[motor] else 'moves'} {value:.4g}"
+        f"{f' (+- {2.0 * spread:.1g})' * bool(spread)} times {names[joint]}"
+        f"{f' (a lead of {2e3 * np.pi * abs(value):.3g} mm)' * (turns[joint] and not turns[motor])}"
         for motor, joint, value, spread in found.entries
     ]
     left = ", ".join(f"{names[i]} {found.before[i]:.1%} to {found.after[i]:.1%}" for i in touched)
