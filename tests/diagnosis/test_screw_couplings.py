@@ -1,4 +1,4 @@
-"""The spline of a SCARA: its ball screw's nut turns with the last joint as well, m of the slide for rad of the joint."""
+"""The spline of a SCARA: the nut of its ball screw turns with the last joint as well, m of the slide for a rad."""
 
 from __future__ import annotations
 
