@@ -74,7 +74,14 @@ def test_a_vertical_slide_that_counts_the_other_way_is_told(scara: Robot, tmp_pa
     tau[:, 2] = right.columns["tau"][:, 2] - 1.7 * weight  # as the case says
     assert not [one for one in stated.with_columns(tau=tau).examined(tmp_path).findings if one.severity == "error"]
     unstated = right.with_columns(tau=tau).examined(tmp_path)
-    assert [one.name for one in unstated.findings if one.severity == "error"] == ["axis sign"]
+    (error,) = [one for one in unstated.findings if one.severity == "error"]
+    told = float(error.remedy.partition("bias: ")[2].partition("}")[0])
+    assert error.name == "axis sign" and told == pytest.approx(1.7 * weight, rel=0.1)
+    drives = {scara.joint_names[2]: Drive(bias=-1.7 * weight)}  # stated the other way round: told to turn it
+    turned = replace(right, case=replace(case, robot=scara.with_drives(drives))).with_columns(tau=tau)
+    (error,) = [one for one in turned.examined(tmp_path).findings if one.severity == "error"]
+    told = float(error.remedy.partition("bias: ")[2].partition("}")[0])
+    assert error.name == "axis sign" and told == pytest.approx(1.7 * weight, rel=0.1)
     faulty = put.turned(right, ("q", "dq", "tau"), 2)
     (error,) = [one for one in faulty.examined(tmp_path).findings if one.severity == "error"]
     assert (error.name, error.joint) == ("axis sign", scara.joint_names[2])

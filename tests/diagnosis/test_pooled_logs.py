@@ -70,6 +70,28 @@ def test_logs_of_one_robot_are_alike(trials: list[Trial], tmp_path: Path) -> Non
     assert 0.5 < found.ratios.min() and found.ratios.max() < 1.5
 
 
+def at_rest(trial: Trial, joints: tuple[int, ...]) -> Trial:
+    """Return a log with joints that stay where they are; their torques are not those of a rest."""
+    q, dq = trial.columns["q"].copy(), trial.columns["dq"].copy()
+    q[:, joints], dq[:, joints] = q[0, joints], 0.0
+    return trial.with_columns(q=q, dq=dq)
+
+
+def test_a_joint_at_rest_in_one_log_that_others_move_is_a_note(trials: list[Trial], tmp_path: Path) -> None:
+    case, last = trials[0].case, trials[0].case.robot.joint_names[2]
+    first, *rest = examine_logs(case, written([at_rest(trials[0], (2,)), *trials[1:]], tmp_path))
+    assert [(one.severity, one.name, one.joint) for one in first.findings if one.joint == last] == [
+        ("note", "at rest in one log", last)
+    ]
+    assert first.left_out.endswith("joints are at rest that other logs move") and all(
+        one.sound for one in (first, *rest)
+    )
+    both = examine_logs(case, written([at_rest(trial, (2,)) for trial in trials[:2]], tmp_path))
+    assert [[one.name for one in each.findings if one.severity == "error"] for each in both[:2]] == [
+        ["joint never moved"]
+    ] * 2
+
+
 def test_right_logs_have_no_finding_together(trials: list[Trial], tmp_path: Path) -> None:
     *each, together = examine_logs(trials[0].case, written(trials, tmp_path))
     assert together.path == "all 3 logs" and together.sound

@@ -28,6 +28,9 @@ from dynident.model.threads import one_blas_thread
 
 _STAGES = (0, 1, 2)
 
+#: Name of the finding of joints that are at rest in all of a log.
+STILL = "joint never moved"
+
 #: Errors that are gone once the safe repairs are made.
 _MENDABLE = ("values that are not finite", "repeated rows", "rows out of order", "encoder wrap")
 
@@ -137,6 +140,7 @@ def examine_recordings(
     """
     checks = [CHECKS.make(name) for name in CHECKS.names()]
     seen = [_of_signals(checks, case, recording, earlier) for recording in recordings]
+    _tell_moved_by_others(seen)
     last = [check for check in checks if check.stage == _STAGES[-1]]
     parts = [_of_fits(last, group) for group in _groups([one for one in seen if not one.left_out])]
     _compare(case, parts)
@@ -262,6 +266,24 @@ def _of_signals(checks: Sequence[Check], case: Case, recording: Recording, earli
             left_out = f"checks that need {'sound signals' if stage == 0 else 'a fit'} were left out: fix {lasting[0]}"
             return _ExaminedLog(subject, repaired, found, left_out)
     return _ExaminedLog(subject, repaired, found)
+
+
+def _tell_moved_by_others(seen: Sequence[_ExaminedLog]) -> None:
+    """Make a note of a joint that is at rest in one log and moves in another: all logs together determine it."""
+    still = [{name for each in one.found if each.name == STILL for name in each.joint.split(", ")} for one in seen]
+    for one, rests in zip(seen, still, strict=True):
+        moved = [not other.left_out or bool(own) for other, own in zip(seen, still, strict=True)]
+        if not rests or any(
+            not any(m and name not in own for m, own in zip(moved, still, strict=True)) for name in rests
+        ):
+            continue
+        for k, found in enumerate(one.found):
+            if found.name == STILL:
+                evidence, remedy = f"{found.evidence}; other logs move it", "nothing: the logs are fitted together"
+                numbers, explains = found.numbers, found.explains
+                one.found[k] = Finding("note", "at rest in one log", found.joint, evidence, remedy, numbers, explains)
+        if not any(found.severity == "error" and found.name not in _MENDABLE for found in one.found):
+            one.left_out = "checks that need a fit were left out: joints are at rest that other logs move"
 
 
 def _unlike(case: Case, ratios: Array, others_agree: bool, why: bool) -> Finding:

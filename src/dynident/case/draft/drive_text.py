@@ -105,7 +105,7 @@ def _stated_current(found: Recognised) -> str:
 
 
 def _vertical_slides(robot: Robot) -> dict[str, float]:
-    """Return the sliding joints that always stand along gravity, with the weight in N that hangs on each."""
+    """Return the sliding joints that always stand along gravity, with the force in N along each that carries it."""
     gravity = np.asarray(robot.gravity)
     size = float(np.linalg.norm(gravity))
     found: dict[str, float] = {}
@@ -113,12 +113,13 @@ def _vertical_slides(robot: Robot) -> dict[str, float]:
     for k, joint in enumerate(robot.joints):
         above = turned[joint.parent]
         pose = None if above is None else above @ joint.rotation
-        along = 0.0 if pose is None or not size else abs(float((pose @ joint.axis) @ gravity)) / size
+        down = 0.0 if pose is None or not size else float((pose @ joint.axis) @ gravity) / size
+        along = abs(down)
         # A joint that turns about the vertical leaves what stands on it upright.
         turned[k] = None if joint.kind == "revolute" and along < _UPRIGHT else pose
         if joint.kind == "prismatic" and joint.mimic is None and along > _ALONG:
             masses = [robot.links[i].inertia for i in _above(robot, k)]
-            found[joint.name] = along * size * sum(inertia.mass for inertia in masses if inertia is not None)
+            found[joint.name] = -down * size * sum(inertia.mass for inertia in masses if inertia is not None)
     return found
 
 
@@ -131,12 +132,14 @@ def _above(robot: Robot, link: int) -> list[int]:
 
 
 def _bias(found: Recognised, k: int, name: str, weight: float, moving: Robot) -> list[str]:
-    """Return the question whether the effort of a vertical slide carries the weight on it."""
+    """Return the question whether the effort of a vertical slide carries the weight, a force along its axis."""
     evidence = found.evidence
     if found.effort == "torque" and evidence is not None:
         logged = abs(float(evidence.levels[moving.joint_names.index(name), 0]))
-        if _CARRIED[0] * weight <= logged <= _CARRIED[1] * weight:
+        if _CARRIED[0] * abs(weight) <= logged <= _CARRIED[1] * abs(weight):
             return []
-    told = f"the robot model has a weight of {weight:.4g} N on it"
-    text = f"the bias of {name}: force in N that its logged effort does not contain, such as that of a counterweight"
-    return [asked("bias", f"{text}; {told}; 0 where the effort carries the whole weight")]
+    told = f"{weight:.4g} would carry all of the robot model's weight on it"
+    text = (
+        f"the bias of {name}: force in N along its axis that the logged effort does not contain, as of a counterweight"
+    )
+    return [asked("bias", f"{text}; {told}; 0 where the effort carries it")]

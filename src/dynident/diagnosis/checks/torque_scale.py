@@ -126,7 +126,7 @@ def _lifted(fit: QuickFit) -> list[Finding]:
     motion = motion_of(fit.rows.prepared.kept)
     still = Motion(motion.q, np.zeros_like(motion.q), np.zeros_like(motion.q))
     weight = fit.model.torque(still, bodies) - fit.model.known_torque(still)
-    moved = fit.model.torque(motion, bodies) - weight
+    moved = fit.model.torque(motion, bodies) - fit.model.known_torque(motion) - weight
     found = []
     for k, joint in enumerate(fit.model.robot.active):
         mask, mean = fit.rows.masks[:, k], float(weight[:, k].mean())
@@ -141,9 +141,11 @@ def _lifted(fit: QuickFit) -> list[Finding]:
         held, left = float(fitted[0]), float(np.std(target - columns @ fitted))
         if HELD * abs(mean) < -held * np.sign(mean) and left < abs(mean):
             evidence = f"it holds {held:.4g} N on average where the robot model's masses weigh {mean:.4g} N"
+            stated = float(fit.model.robot.bias[k])
+            carried = f"drives: {{{joint.name}: {{bias: {stated + mean - held:.4g}}}}}"
             remedy = (
-                "turn the signs of its position and torque if it counts the other way; check the direction of gravity, "
-                "and state a counterweight (drives: {JOINT: {bias: ...}})"
+                "turn the signs of its position and torque if it counts the other way; check the direction of gravity; "
+                f"where something else carries weight, state that force along its axis ({carried}, now {stated:.4g})"
             )
             numbers = {"held": held, "weight": mean}
             found.append(Finding("error", "axis sign", joint.name, evidence, remedy, numbers))

@@ -70,7 +70,7 @@ _WIDEST = 46
 def write_report(
     path: str | PathLike[str],
     estimate: Estimate,
-    validations: Iterable[Validation] = (),
+    validations: Validation | Iterable[Validation] = (),
     *,
     comparison: Comparison | Sequence[Mapping[str, Any]] | None = None,
     trajectories: Mapping[str, Log] | None = None,
@@ -104,7 +104,7 @@ def write_report(
 
 def build_report(
     estimate: Estimate,
-    validations: Iterable[Validation] = (),
+    validations: Validation | Iterable[Validation] = (),
     *,
     comparison: Comparison | Sequence[Mapping[str, Any]] | None = None,
     trajectories: Mapping[str, Log] | None = None,
@@ -117,7 +117,7 @@ def build_report(
 
     Args:
         estimate: What it is about.
-        validations: Comparisons with logs that the fit did not see.
+        validations: Comparisons with logs that the fit did not see; one or several.
         comparison: Several estimators on the same data, or only the rows of their table.
         trajectories: Reference motions by name, as logs with time, q and, where known, dq.
         command: The command line that repeats it; by default that of the estimate's provenance.
@@ -131,7 +131,8 @@ def build_report(
     """
     beside = comparison if isinstance(comparison, Comparison) else Comparison(tuple(comparison or ()))
     given = (dict(trajectories or {}), command, tuple(sources), plan)
-    return render(Subject(estimate, tuple(validations), beside, *given, motion=motion))
+    seen = (validations,) if isinstance(validations, Validation) else tuple(validations)
+    return render(Subject(estimate, seen, beside, *given, motion=motion))
 
 
 def render(subject: Subject, names: Sequence[str] = ()) -> str:
