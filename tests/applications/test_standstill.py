@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import dynident
 from bare_estimates import bare_estimate
 from dynident import Log, Robot
 from dynident import validate as validated
@@ -16,7 +18,10 @@ from dynident.applications.standstill import held_torque
 from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
+from dynident.diagnosis.verdict import causes_against
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.files.estimate_file import read_estimate, write_estimate
+from dynident.identification.identify import identify as core_identified
 from dynident.identification.validate import validate as core_validated
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -27,7 +32,7 @@ from dynident.model.friction.presliding import Presliding
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
 from dynident.model.kernels import batched
-from dynident.results.text import rest_table
+from dynident.results.text import of_training, rest_table, rest_words
 
 GIVEN = Preprocessing(AsGiven(), rest="mask", standstill=0.02)
 
@@ -109,6 +114,45 @@ def test_samples_at_rest_are_counted_against_the_interval(
     )
     moving = validated(estimate, log.rows(slice(0, 280), "the motion"))
     assert not moving.at_rest and "at_rest" not in moving.figures()
+
+
+def test_training_errors_count_samples_at_rest_so(
+    planar_2r: Robot, exact_motion: Callable[..., Motion], tmp_path: Path
+) -> None:
+    """Two logs, the torque of one late by 80 ms: each is counted with the delay that the fit took out of it."""
+    known, first = paused(planar_2r, exact_motion, np.random.default_rng(0).uniform(-0.98, 0.98, (300, 2)))
+    _, second = paused(planar_2r, exact_motion, np.random.default_rng(1).uniform(-0.98, 0.98, (300, 2)))
+    late = np.roll(np.asarray(second.torque), 8, axis=0)
+    logs = [first, replace(second, torque=late)]
+    model, how = known.model, replace(GIVEN, delay_s=None, trim_s=0.2)
+    full = core_identified(model, logs, "wls", how).train
+    estimate = dynident.identify(model, logs, "wls", how, record=dynident.Record(checks=False))
+    found = estimate.train
+    assert estimate.choices.delays is not None
+    assert [one.applied for one in estimate.choices.delays] == pytest.approx([0.0, 0.08], abs=2e-3)
+    assert full.rests and full.held is None and found.held is not None and found.moving == full.moving
+    np.testing.assert_array_equal(found.predicted, full.predicted)
+    assert found.total_relative_error < 0.3 * full.total_relative_error
+    assert [each["name"] for each in found.at_rest] == list(planar_2r.joint_names)
+    assert rest_words(found).endswith("by what static friction cannot hold") and rest_words(full).endswith("in full")
+    assert of_training(full, found) == f"; the training error {rest_words(full)}" and not of_training(found, found)
+    write_estimate(estimate, tmp_path / "own.json")
+    again = read_estimate(tmp_path / "own.json").train
+    assert again.at_rest == found.at_rest and again.held is not None
+    np.testing.assert_allclose(again.held, found.held, rtol=1e-6)
+    assert again.total_relative_error == found.total_relative_error
+    moving = [log.rows(slice(0, 280), log.name) for log in logs]
+    assert dynident.identify(model, moving, "wls", how, record=dynident.Record(checks=False)).train.held is None
+
+
+def test_what_static_friction_holds_explains_nothing(planar_2r: Robot, exact_motion: Callable[..., Motion]) -> None:
+    estimate, log = paused(planar_2r, exact_motion, np.zeros((300, 2)))
+    train = core_validated(estimate, [log])
+    measured = train.measured
+    wrong = replace(train, predicted=np.zeros_like(measured) + measured.mean(axis=0))
+    held = replace(wrong, held=(measured - 1.0, measured + 1.0), joints=train.joints)
+    names = [[one.name for one in causes_against(replace(estimate, train=each))] for each in (train, wrong, held)]
+    assert names == [[], ["nothing explained"], ["nothing explained"]]
 
 
 def test_a_prediction_at_rest_is_an_interval(planar_2r: Robot, exact_motion: Callable[..., Motion]) -> None:

@@ -132,7 +132,7 @@ def test_the_verdict_says_what_the_rows_at_rest_do(case: tuple[Estimate, Validat
     moving = tuple(replace(fit, samples=fit.samples // 2, relative_error=0.036) for fit in test.moving)
     found = context("verdict", replace(subject, tests=(replace(test, moving=moving),)))
     full = "counts samples at rest in full"
-    assert found["sentences"][1] == f"It {full}; without them it is 3.6 %; the training error {full}."
+    assert found["sentences"][1] == f"It {full}; without them it is 3.6 %."
     held = (test.predicted - 100.0, test.predicted + 100.0)
     found = context("verdict", replace(subject, tests=(replace(test, moving=moving, held=held),)))
     assert found["sentences"][1].startswith("It counts samples at rest by what static friction cannot hold; without ")

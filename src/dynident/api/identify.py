@@ -13,6 +13,7 @@ from dynident.api.case_options import estimator_of, prior_of
 from dynident.api.given_logs import LogLike, case_of, check_kinds, logs_of
 from dynident.api.given_robots import RobotLike
 from dynident.api.log_checks import add_causes, check_logs, refuse_faulty, warn_of
+from dynident.applications.standstill import with_rest_in_training
 from dynident.applications.start_states import with_warm_starts
 from dynident.case.case import Case
 from dynident.case.mesh_bounds import with_mesh_points
@@ -116,7 +117,8 @@ def identify(
     except DynidentError as error:
         add_causes(error, provenance.get("log_quality", ()))
         raise
-    estimate = _recorded(with_warm_starts(estimate, logs), case, record, provenance)
+    estimate = with_rest_in_training(with_warm_starts(estimate, logs), logs)
+    estimate = _recorded(estimate, case, record, provenance)
     warn_of(causes_against(estimate), record.command)
     return estimate
 

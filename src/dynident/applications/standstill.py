@@ -16,7 +16,8 @@ import numpy as np
 
 from dynident.applications.compensation import parameters_of
 from dynident.arrays import Array, BoolArray
-from dynident.data.preprocessing import Prepared, at_rest
+from dynident.data.log import Log
+from dynident.data.preprocessing import Prepared, at_rest, preprocess
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Validation, fits_of, ratio
@@ -140,6 +141,22 @@ def with_rest(estimate: Estimate, found: Validation, logs: Sequence[Prepared]) -
     free = _counted(found, every["free"]).total_relative_error if "free" in every else found.free_bodies_error
     table = tuple(_at_rest(counted, every["own"]))
     return replace(counted, at_rest=table, nominal=nominal, free_bodies_error=free)
+
+
+def with_rest_in_training(estimate: Estimate, logs: Sequence[Log]) -> Estimate:
+    """Return an estimate whose training errors count samples at rest so.
+
+    Args:
+        estimate: The estimate.
+        logs: The raw logs of its fit; each is prepared with the delay that the fit took out of it.
+    """
+    if not estimate.train.rests:
+        return estimate
+    how, names = estimate.preprocessing, estimate.model.robot.joint_names
+    delays = [each.applied for each in estimate.choices.delays or ()] or [how.delay_s] * len(logs)
+    pairs = zip(logs, delays, strict=True)
+    prepared = [preprocess(log.ordered(names), replace(how, delay_s=delay)) for log, delay in pairs]
+    return replace(estimate, train=with_rest(estimate, estimate.train, prepared))
 
 
 def counted_at_rest(model: DynamicModel, theta: Array, found: Validation, logs: Sequence[Prepared]) -> Validation:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import finite
+from dynident.arrays import Array, finite
 from dynident.case.acceptance import CONDITIONS, CRITERIA, Acceptance
 from dynident.diagnosis.finding import Severity
 from dynident.identification.estimate.estimate import Estimate
@@ -152,6 +152,18 @@ def quality_of(estimate: Estimate) -> Sequence[Mapping[str, Any]] | None:
     return estimate.provenance.get("log_quality")
 
 
+def _left_in_full(train: Validation) -> Array:
+    """Return the share of each joint's torque that is left, joints at rest against the model's torque as in motion.
+
+    What static friction can hold explains nothing: a fit of nothing may have much of it.
+    """
+    if not len(train.time):
+        return np.sqrt([1.0 - joint.r2 for joint in train.joints if np.isfinite(joint.r2)])
+    spread = np.std(train.measured, axis=0)
+    left = np.sqrt(np.mean((train.measured - train.predicted) ** 2, axis=0))
+    return left[spread > 0] / spread[spread > 0]
+
+
 def causes_against(estimate: Estimate, quality: Sequence[Mapping[str, Any]] | None = None) -> tuple[ErrorFinding, ...]:
     """Return what speaks against an estimate at error level: findings of the log checks, and a fit of nothing.
 
@@ -160,7 +172,7 @@ def causes_against(estimate: Estimate, quality: Sequence[Mapping[str, Any]] | No
         quality: What the checks found in the logs of the fit; None for what its provenance has.
     """
     found = errors_in((quality_of(estimate) if quality is None else quality) or ())
-    left = np.sqrt([1.0 - joint.r2 for joint in estimate.train.joints if np.isfinite(joint.r2)])
+    left = _left_in_full(estimate.train)
     poor = int(np.count_nonzero(left > WORTHLESS))
     if poor <= len(left) / 2:  # a few rows far out are those of some joints
         return found

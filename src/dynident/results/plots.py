@@ -23,7 +23,7 @@ WIDTH, HEIGHT = 8.0, 1.9
 def plot_torques(estimate: Estimate, validation: Validation | None = None, joints: Sequence[str] | None = None) -> Any:
     """Return a figure of measured and predicted torque by joint, with the residual and its 95 % band.
 
-    Of test data the torques that static friction can hold at rest are shaded; the residual is what is beyond them.
+    The torques that static friction can hold at rest are shaded; the residual is what is beyond them.
 
     Args:
         estimate: The estimate.

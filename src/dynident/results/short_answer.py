@@ -22,6 +22,7 @@ from dynident.results.text import (
     format_number,
     format_percent,
     label,
+    of_training,
     rest_words,
     shorten,
     total_error,
@@ -47,8 +48,7 @@ def error_lines(estimate: Estimate, test: Validation | None) -> list[str]:
     elif not np.isclose(estimate.train.total_relative_error, test.total_relative_error, rtol=0.05):
         lines[0] += f"; training error {total_error(estimate.train)}"
     if words := rest_words(data):
-        also = "" if test is None or not estimate.train.rests else f"; the training error {rest_words(estimate.train)}"
-        lines.append(f"the {kind} {words}{also}")
+        lines.append(f"the {kind} {words}{of_training(estimate.train, data)}")
     return lines
 
 

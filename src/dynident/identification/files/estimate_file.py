@@ -143,6 +143,8 @@ def write_estimate(
             },
             "torque_std": None if train.deviations is None else _rounded(np.asarray(train.deviations)[rows]),
             "nominal": None if train.nominal is None else train.nominal.figures(),
+            "at_rest": plain(train.at_rest),
+            "held": None if train.held is None else [_rounded(np.asarray(side)[rows]) for side in train.held],
         },
         "provenance": plain(estimate.provenance),
     }
@@ -178,6 +180,7 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
     signals: dict[str, Any] = {
         name: _array(train["signals"][name], (rows,) if name == "time" else (rows, joints), name) for name in _SIGNALS
     }
+    held = [_array(side, (rows, joints), "held") for side in train.get("held") or ()]
     validation = Validation(
         joints=tuple(Fit(**_with_nan(fit)) for fit in train["joints"]),
         moving=tuple(Fit(**_with_nan(fit)) for fit in train["moving"]),
@@ -191,6 +194,8 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
         deviations=_optional(train.get("torque_std"), (rows, joints), "torque_std"),
         noise=_array(facts["residual_std"], (joints,), "residual_std"),
         nominal=_nominal(train.get("nominal"), joints),
+        at_rest=tuple(train.get("at_rest", ())),
+        held=(held[0], held[1]) if held else None,
     )
     how, columns = preprocessing_from_dict(data["preprocessing"]), columns_from_dict(data["columns"])
     envelope = _envelope(data, joints)

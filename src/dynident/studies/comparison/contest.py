@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -184,6 +184,7 @@ class Contest:
         norm = float(np.sqrt(self.weights**2 @ problem.residual_squares(estimate.beta)))
         if self.logs:
             estimate, _ = without_noise(estimate, problem, method.part, self.logs, fit)
+        estimate = replace(estimate, train=with_rest(estimate, estimate.train, problem.logs))
         beta = estimate.beta
         possible = estimate.consistency.consistent
         return Outcome(

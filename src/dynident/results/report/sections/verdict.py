@@ -15,7 +15,7 @@ from dynident.results.report.judgement import GAP, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import Drawing, ReportSection, drawn
 from dynident.results.report.subject import Dataset, Subject
 from dynident.results.short_answer import not_significant
-from dynident.results.text import format_percent, label, pretty_unit, rest_words, shorten
+from dynident.results.text import format_percent, label, of_training, pretty_unit, rest_words, shorten
 from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, reason_of
 
 #: What the word of a verdict is called where it does not stand for itself, and how each is coloured.
@@ -156,7 +156,7 @@ def _about_prediction(subject: Subject) -> list[str]:
     resting = [test for test in tests if test.rests]
     moving = max((test.moving_relative_error for test in resting), default=np.nan)
     if moving < 0.9 * worst or any(test.held is not None for test in resting):
-        also = f"; the training error {rest_words(estimate.train)}" if estimate.train.rests else ""
+        also = of_training(estimate.train, resting[0])
         said.append(f"It {rest_words(resting[0])}; without them it is {format_percent(moving)}{also}.")
     if np.isfinite(worst) and worst > GAP * train > 0:
         said.append(
