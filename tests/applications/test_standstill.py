@@ -32,7 +32,8 @@ from dynident.model.friction.presliding import Presliding
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
 from dynident.model.kernels import batched
-from dynident.results.text import of_training, rest_table, rest_words
+from dynident.results.short_answer import of_training
+from dynident.results.text import rest_table, rest_words
 
 GIVEN = Preprocessing(AsGiven(), rest="mask", standstill=0.02)
 

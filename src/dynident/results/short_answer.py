@@ -22,7 +22,6 @@ from dynident.results.text import (
     format_number,
     format_percent,
     label,
-    of_training,
     rest_words,
     shorten,
     total_error,
@@ -50,6 +49,12 @@ def error_lines(estimate: Estimate, test: Validation | None) -> list[str]:
     if words := rest_words(data):
         lines.append(f"the {kind} {words}{of_training(estimate.train, data)}")
     return lines
+
+
+def of_training(train: Validation, data: Validation) -> str:
+    """Return what the training error counts of the samples at rest, where it counts otherwise than that of ``data``."""
+    words = rest_words(train)
+    return f"; the training error {words}" if words and words != rest_words(data) else ""
 
 
 def joints_table(estimate: Estimate, test: Validation | None) -> Table:

@@ -292,12 +292,6 @@ def rest_words(validation: Validation) -> str:
     return f"counts samples at rest {how}" if validation.rests else ""
 
 
-def of_training(train: Validation, data: Validation) -> str:
-    """Return what the training error counts of the samples at rest, where it counts otherwise than that of ``data``."""
-    words = rest_words(train)
-    return f"; the training error {words}" if words and words != rest_words(data) else ""
-
-
 def fits_table(validation: Validation, moving: bool = False) -> Table:
     """Return the figures of each joint, over all rows or over those in motion; the note states the filter.
 

@@ -14,8 +14,8 @@ from dynident.results.figures import error_chart, small_torque_chart
 from dynident.results.report.judgement import GAP, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import Drawing, ReportSection, drawn
 from dynident.results.report.subject import Dataset, Subject
-from dynident.results.short_answer import not_significant
-from dynident.results.text import format_percent, label, of_training, pretty_unit, rest_words, shorten
+from dynident.results.short_answer import not_significant, of_training
+from dynident.results.text import format_percent, label, pretty_unit, rest_words, shorten
 from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, reason_of
 
 #: What the word of a verdict is called where it does not stand for itself, and how each is coloured.
