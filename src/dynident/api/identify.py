@@ -117,8 +117,7 @@ def identify(
     except DynidentError as error:
         add_causes(error, provenance.get("log_quality", ()))
         raise
-    estimate = with_rest_in_training(with_warm_starts(estimate, logs), logs)
-    estimate = _recorded(estimate, case, record, provenance)
+    estimate = _recorded(with_rest_in_training(with_warm_starts(estimate, logs), logs), case, record, provenance)
     warn_of(causes_against(estimate), record.command)
     return estimate
 
