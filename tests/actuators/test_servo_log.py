@@ -82,6 +82,10 @@ def test_counts_of_a_register_are_angles(log: ServoLog, tmp_path: Path, family: 
     for name in ("q", "q_ref"):
         assert np.max(np.abs(getattr(found, name) - getattr(log, name))) < 0.51 * 6.2832 / 4096
         assert np.array_equal(getattr(found, name), getattr(signed, name))
+    if family.startswith("feetech"):
+        other = REGISTERS.keys() - {family, "dynamixel", "dynamixel_mx"}
+        with pytest.raises(LogMismatch, match=rf"rad as counts of {family}; .*: by {other.pop()} it spans .* rad"):
+            table(REGISTERS["feetech" if family == "feetech_complement" else "feetech_complement"], "d.csv")
     with pytest.raises(LogMismatch, match=r"q of joint1 is .* in sample \d+: no count"):
         read_servo_logs(write_csv(log, tmp_path / "c.csv"), how)
 
@@ -94,6 +98,19 @@ def test_failed_reads_are_marked_and_bridged(log: ServoLog, tmp_path: Path) -> N
     assert np.max(np.abs(found.q - log.q)) < 0.02
     sound = read_servo_logs(write_csv(log, tmp_path / "b.csv"), COLUMNS)[0]
     assert not sound.failed.any()
+
+
+@pytest.mark.parametrize("share", [0.002, 0.03, 0.1])
+def test_reads_that_fail_often_are_found_too(log: ServoLog, tmp_path: Path, share: float) -> None:
+    """Positions of 0 in place of them; those near 0 are no failed reads, and neither are right ones."""
+    random = np.random.default_rng(0)
+    bad = random.random(len(log.q)) < share
+    most = int(np.argmax(np.abs(log.q[:, 0])))
+    bad[most : most + 3] = True  # three in a row
+    far = bad & (np.abs(log.q[:, 0]) > 13.0 * np.quantile(np.abs(np.diff(log.q[:, 0])), 0.99))
+    path = write_csv(changed(log, q=np.where(bad[:, None], 0.0, log.q)), tmp_path / "a.csv")
+    failed = read_servo_logs(path, COLUMNS)[0].failed[:, 0]
+    assert failed[far].mean() > 0.9 and failed[most : most + 3].all() and not failed[~bad].any()
 
 
 FAULTS: list[tuple[str, Callable[[ServoLog], dict[str, object]], str, str]] = [

@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.actuators.drive_law import COUNTS
 from dynident.actuators.lerobot_calibration import SHARES
-from dynident.actuators.servo_log import ServoColumns, ServoLog, checked_log, rows_of
+from dynident.actuators.servo_log import LARGEST_ANGLE, ServoColumns, ServoLog, checked_log, rows_of
 from dynident.arrays import Array
 from dynident.data.formats import open_log
 from dynident.data.formats._column_map import missing_column
@@ -163,6 +163,7 @@ def _positions(path: str | Path, how: ServoColumns, signal: str, values: Array) 
             evidence = f"{signal} of {how.joints[column]} is {values[row, column]:.6g} in sample {row + 1}: no count"
             raise LogMismatch(str(path), evidence, "leave out counts under servo: and state the unit of the positions")
         found = COUNTS[how.counts].radians(values)
+        _check_coding(path, how, signal, values)
     elif how.ranges:
         logged = names.joints or how.joints
         own = [how.ranges[logged.index(joint)] for joint in how.joints]
@@ -174,6 +175,20 @@ def _positions(path: str | Path, how: ServoColumns, signal: str, values: Array) 
     else:
         found = names.to_si(signal, values)
     return names.counted(signal, found) if names.wrapped else found
+
+
+def _check_coding(path: str | Path, how: ServoColumns, signal: str, counts: Array) -> None:
+    """Refuse counts (N, n) whose negative numbers another coding reads: by this one a joint jumps by many turns."""
+    spans = {name: np.ptp(coding.radians(counts), axis=0) for name, coding in COUNTS.items()}
+    own = spans.pop(how.counts)
+    others = [name for name in spans if spans[name].max() <= LARGEST_ANGLE]
+    if not np.isfinite(counts).all() or own.max() <= LARGEST_ANGLE or not others:
+        return
+    joint, family = int(np.argmax(own)), how.counts.split("_")[0]
+    other = max(others, key=lambda name: name.startswith(family))
+    evidence = f"{signal} of {how.joints[joint]} spans {own[joint]:.4g} rad as counts of {how.counts}"
+    step = f"its negative numbers are coded otherwise: by {other} it spans {spans[other][joint]:.3g} rad"
+    raise LogMismatch(str(path), evidence, f"{step} (servo: {{counts: {other}}})")
 
 
 def _check_shares(path: str | Path, joints: Sequence[str], signal: str, values: Array) -> None:

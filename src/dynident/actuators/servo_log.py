@@ -21,8 +21,11 @@ _MOST_FAILED = 0.5
 #: A position is a failed read where it leaves the line through its neighbours by this many median steps and comes back.
 _SPIKE = 12.0
 
+#: Longest run of reads that fail.
+_LONGEST_RUN = 3
+
 #: Positions beyond this many rad are counts, or degrees.
-_LARGEST_ANGLE = 40.0
+LARGEST_ANGLE = 40.0
 
 #: Positions that span more than this many times what their joint travels are in another unit.
 _TRAVELS = 1.5
@@ -181,26 +184,49 @@ def rows_of(log: ServoLog, keep: BoolArray | slice) -> ServoLog:
 
 
 def _failed_reads(time: Array, q: Array) -> BoolArray:
-    """Return which positions are missing, or leave the line between their neighbours and come back at once."""
+    """Return which positions are missing, or leave the line between their neighbours and come back, up to three reads.
+
+    Far is by the usual steps of the reads that do not: many that fail would pass for these.
+    """
     failed = ~np.isfinite(q)
     sound = np.flatnonzero(~failed)
     if len(sound) < _FEWEST:
         return failed
     t, x = time[sound], q[sound]
-    line = x[:-2] + (x[2:] - x[:-2]) * (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
-    away = np.abs(x[1:-1] - line)
     steps = np.abs(np.diff(x))
-    usual = max(float(np.quantile(steps, 0.99)), 1e-9)
-    spikes = (away > _SPIKE * usual) & (np.abs(x[2:] - x[:-2]) < 0.5 * away)
-    failed[sound[1:-1][spikes]] = True
+    runs = [_run(t, x, width) for width in range(1, _LONGEST_RUN + 1)]
+    aside = np.zeros(len(x), dtype=bool)
+    for width, away in enumerate(runs, start=1):
+        _mark(aside, away > _SPIKE * np.median(steps), width)
+    whole = ~(aside[1:] | aside[:-1])
+    usual = max(float(np.quantile(steps[whole], 0.99)) if whole.any() else 0.0, 1e-9)
+    found = np.zeros(len(x), dtype=bool)
+    for width, away in enumerate(runs, start=1):
+        _mark(found, away > _SPIKE * usual, width)
+    failed[sound[found]] = True
     return failed
+
+
+def _run(time: Array, q: Array, width: int) -> Array:
+    """Return how far each run of some reads (N,) is from the line between its neighbours, 0 where these differ too."""
+    first, last = slice(None, -width - 1), slice(width + 1, None)
+    slope = (q[last] - q[first]) / (time[last] - time[first])
+    inner = [slice(k, k - width - 1 or None) for k in range(1, width + 1)]
+    away = np.min([np.abs(q[own] - q[first] - slope * (time[own] - time[first])) for own in inner], axis=0)
+    return np.where(np.abs(q[last] - q[first]) < 0.5 * away, away, 0.0)
+
+
+def _mark(found: BoolArray, runs: BoolArray, width: int) -> None:
+    """Mark the reads, (N,), of runs, (N - width - 1,), in place."""
+    for first in np.flatnonzero(runs).tolist():
+        found[first + 1 : first + 1 + width] = True
 
 
 def _check_meaning(log: ServoLog, q: Array) -> None:
     for joint, name in enumerate(log.joints):
         measured, command = q[:, joint], log.q_ref[:, joint]
         spans = float(np.ptp(measured)), float(np.ptp(command))
-        if max(spans) > _LARGEST_ANGLE:
+        if max(spans) > LARGEST_ANGLE:
             raise _no_radians(log, name, spans)
         if max(np.ptp(measured), np.ptp(command)) < _POSE:
             if np.max(np.ptp(np.hstack([q, log.q_ref]), axis=0)) < _POSE:
