@@ -10,6 +10,7 @@ import pytest
 from drafted_logs import joints_called, moved, named, read, write_log, write_robot
 from dynident.arrays import Array
 from dynident.case.case_draft import draft_case
+from dynident.model.friction import FRICTION
 from dynident.model.robot import Drive, Robot
 from dynident.robot_files import read_robot
 
@@ -47,6 +48,21 @@ def test_a_log_of_the_rtde_client_asks_for_gains_only(ur: Robot, motion: dict[st
     read_back = case.read(case.train[0])
     np.testing.assert_allclose(np.asarray(read_back.torque), 2.5 * motion["torque"])
     assert read_back.q_ref is not None
+
+
+@pytest.mark.parametrize("kind", ["warms", "constant", "absent"])
+def test_temperatures_of_a_profile_are_left_to_the_logs_where_they_change(
+    kind: str, ur: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    table = columns(motion, "timestamp", q="actual_q_{0}", dq="actual_qd_{0}", torque="actual_current_{0}")
+    values = 30.0 + motion["time"] * (kind == "warms")
+    table |= {} if kind == "absent" else {f"joint_temperatures_{k}": values for k in range(6)}
+    draft = draft_case(write_robot(tmp_path / "ur.json", ur), write_log(tmp_path / "run.csv", table), tmp_path)
+    case = read(draft, tmp_path, {"the drive gain of": "2.5"})
+    parts = [part for part in case.friction if FRICTION.name_of(part) == "temperature"]
+    assert len(parts) == (kind == "warms") and all(part.is_optional for part in parts)
+    if parts:
+        np.testing.assert_allclose(np.asarray(case.read(case.train[0]).temperature)[:, 5], values)
 
 
 def test_the_effort_of_a_ur_driver_is_asked(ur: Robot, motion: dict[str, Array], tmp_path: Path) -> None:

@@ -116,8 +116,8 @@ def _by_profile(found: Recognised, fits: Sequence[ProfileFit]) -> Recognised:
     sources = {
         channel.signal: SignalSource(channel.names(fit.joints), channel.pattern, channel.side, how)
         for channel in fit.channels
-        if channel.signal != "temperature"
     }
+    found = replace(found, temperature=sources.pop("temperature", None))
     named = any("{joint}" in channel.pattern for channel in fit.channels)
     why = "by their names" if named else "in the order of the chain"
     joints = JointChoice(fit.joints, True, f"{why}{lacking(found.robot, fit.joints)}")
