@@ -109,7 +109,8 @@ def turned_over(robot: Robot, logs: Sequence[ServoLog]) -> list[Turned]:
     bodies ask for along the measured motion, in each log, with a zero of the encoder that is off by up to 0.3 rad: once
     as the log is, and once with each joint turned over. That is told where the logs are far more likely with it, by the
     test of Vuong, "Likelihood ratio tests for model selection and non-nested hypotheses", Econometrica 57, 1989, over
-    pieces of the logs. An arm that looks the same from both sides is not told.
+    pieces of the logs. An arm that looks the same from both sides is not told, and commands of a joint that follows
+    them are right.
 
     Args:
         robot: With inertias, in SI units.
@@ -139,7 +140,9 @@ def likeliest(parts: Sequence[LogTorques], joints: int, is_switched: bool = Fals
         joints: Number of joints.
         is_switched: Whether the column of the torque state may be turned over too.
     """
-    tried = [(kind, joint) for kind in (AXIS, COMMAND, POSITION) for joint in range(joints)]
+    away = np.sum([part.followed for part in parts], axis=0) < 0.0
+    tried = [(AXIS, joint) for joint in range(joints)]
+    tried += [(kind, joint) for kind in (COMMAND, POSITION) for joint in np.flatnonzero(away).tolist()]
     tried += [(STATE, 0)] if is_switched else []
     found = [_compared(*each, parts, [part.turned(*each) for part in parts]) for each in tried]
     best = max((one for one in found if one.is_sure), key=lambda one: one.more, default=None)
@@ -224,12 +227,16 @@ class LogTorques:
         motion: Measured motion, on a grid.
         rows: Of each joint; None of one that hardly moves or is not told to.
         left: What is left of each torque with the log as it is, each (K,); None the same.
+        followed: Sum of products of command and position about their means where the drive is on, shape (n,): below 0
+            where a joint goes away from its command. That alone lets the direction of commands be in doubt: a joint of
+            next to no weight has next to no torque of the bodies, which errors of the drive's torque explain as well.
     """
 
     robot: Robot
     motion: MeasuredMotion
     rows: list[TorqueRows | None]
     left: list[Array | None]
+    followed: Array
 
     @classmethod
     def of(cls, robot: Robot, log: ServoLog) -> LogTorques:
@@ -237,7 +244,10 @@ class LogTorques:
         motion, robot = measured_motion(log), carrying(robot, log)
         told = np.ptp(log.q_ref, axis=0) > MOVED
         rows = [joint_rows(log, joint, motion) if told[joint] else None for joint in range(robot.dof)]
-        part = cls(robot, motion, rows, [None] * robot.dof)
+        on = log.enabled & ~log.failed
+        pairs = zip(log.q_ref.T, log.q.T, on.T, strict=True)
+        followed = [float((c[k] - c[k].mean()) @ (q[k] - q[k].mean())) if k.any() else 0.0 for c, q, k in pairs]
+        part = cls(robot, motion, rows, [None] * robot.dof, np.array(followed))
         return replace(part, left=part._errors([""] * robot.dof, np.ones(robot.dof)))
 
     def turned(self, kind: str, joint: int, zero: float | None = None) -> list[Array | None]:
