@@ -333,6 +333,9 @@ def test_what_is_chosen_last_is_chosen_with_the_delay_that_was_found(
     model = DynamicModel(planar_2r, (DRY, Viscous()))
     estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
     assert free == [True, False]
+    monkeypatch.setattr("dynident.identification.build_problem.MOVED", -1.0)  # any delay is another one
+    identify(model, [log], "wls", replace(GIVEN, delay_s=None))
+    assert free == [True, False, True, False, False]
     again = identify(model, [log], "wls", replace(GIVEN, delay_s=estimate.choices.delay_s))
     (found,), (known,) = estimate.choices.chosen_fields, again.choices.chosen_fields
     assert (found.gain, found.value) == pytest.approx((known.gain, known.value), rel=2e-3)

@@ -34,6 +34,9 @@ from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import WHOLE, Friction, auto_friction, called, motor_ripple
 
+#: A delay that moves by more of its standard deviations is another one.
+MOVED = 2.0
+
 
 @dataclass(frozen=True)
 class PriorKnowledge:
@@ -186,10 +189,10 @@ def _with_chosen_fields(
     """Return the model with the fields that held-out data ask for, the logs with their delay, and the choice of both.
 
     A delay that is to be found is free at first, so that neither it nor friction passes for the other. A free delay
-    also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found. A part
-    that remembers is tried beside the list without it, the delay free even where it is stated; where it is taken, the
-    other parts are chosen again beside it, and both have to predict better than that list and its delay. ``search`` is
-    :func:`search_friction` with what is the same each time.
+    also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found, and
+    once more where the delay beside these is another one. A part that remembers is tried beside the list without it,
+    the delay free even where it is stated; where it is taken, the other parts are chosen again beside it, and both have
+    to predict better than that list and its delay. ``search`` is :func:`search_friction` with its settings.
     """
     (prepared, choices), delay_is_free = before, plain[0].how.delay_s is None
 
@@ -197,12 +200,16 @@ def _with_chosen_fields(
         found: FrictionSearch, rows: Sequence[Prepared], own: Choices, last: DynamicModel, after: FrictionSearch | None
     ) -> tuple[FrictionSearch, Sequence[Prepared], Choices]:
         without = own.delays or ()
-        for is_last in (False, True):
+        for left in (2, 1, 0):
+            is_moved = left == 2
             if delay_is_free and found.chosen != last:
                 rows, delays = _with_delays(found.chosen, plain, progress, model.lags, without)
+                pairs = zip(own.delays or (), delays["delays"], strict=True)
+                is_moved |= any(abs(new.applied - old.applied) > MOVED * new.std for old, new in pairs)
                 own = replace(own, **delays)
-            if not is_last and (delay_is_free or after):
-                last, found = found.chosen, search(model, rows, after=after)
+            if not (left and is_moved and (delay_is_free or after)):
+                break
+            last, found = found.chosen, search(model, rows, after=after)
         return found, rows, replace(own, chosen_fields=found.told)
 
     found = search(model, prepared, delay_is_free=delay_is_free)
