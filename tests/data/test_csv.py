@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,9 @@ ROWS = 12
 
 #: The remedy for a column that is not there.
 MAPPED = "map it with columns: in the case file, which 'dynident init ROBOT LOG' drafts"
+
+
+THOUSANDS = "write numbers without signs between the thousands (in Excel: format General)"
 
 
 def table(header="t,q1,q2,tau1,tau2", rows=ROWS, separator=","):
@@ -340,7 +344,8 @@ def test_an_unknown_suffix_lists_the_formats(tmp_path):
 @pytest.mark.parametrize(
     ("cell", "message"),
     [
-        ("1.234,5", "column 'q1' holds '1.234,5', which is not a number; with decimal: \",\" points are refused"),
+        ("1.234,5", "column 'q1' holds '1.234,5', which is not a number; " + THOUSANDS),
+        ("#N/A", "column 'q1' holds '#N/A', which is not a number; leave the cell empty where a value is missing"),
         ("1.5", "column 'q1' holds '1.5', which is not a number; with decimal: \",\" points are refused"),
         ("1,2,3", "column 'q1' holds '1,2,3', which is not a number; correct the cell"),
     ],
@@ -351,6 +356,18 @@ def test_with_decimal_commas_a_point_is_refused(tmp_path, cell, message):
     with pytest.raises(LogFormatError) as caught:
         read_log(path, form=Csv(decimal=","))
     assert str(caught.value) == f"{path}:{ROWS + 2}: {message}"
+
+
+@pytest.mark.parametrize("cell", ['"1,000.0"', "1 000.5", '"-1,234,567"', "1'000.25"])
+def test_signs_between_thousands_are_named(tmp_path, cell):
+    with pytest.raises(LogFormatError, match=rf":4: column 'q1' holds .*{re.escape(THOUSANDS)}"):
+        read_log(saved(tmp_path, edited(4, f"0.02,{cell},2,3,4")))
+
+
+def test_an_error_of_a_spreadsheet_is_no_comment(tmp_path):
+    with pytest.raises(LogFormatError, match="'#DIV/0!', which is not a number; leave the cell empty"):
+        read_log(saved(tmp_path, edited(4, "0.02,#DIV/0!,2,3,4")))
+    assert read_log(saved(tmp_path, edited(4, "0.02,1,2,3,4 # by hand"))).samples == ROWS
 
 
 @pytest.mark.parametrize("cell", ["1_000", "0x10", "١", "1e", "--1", "1 2", "1j", "True"])

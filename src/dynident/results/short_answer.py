@@ -126,7 +126,11 @@ def bodies_line(estimate: Estimate) -> str:
     if not away and half is not None and abs(totals[1] - totals[0]) > half:
         return f"{line}; {whole}: beyond its interval, though no single link's mass is beyond its own"
     if not away:
-        return f"{line}; {whole}; no mass of a link differs from the robot model's beyond its 95 % interval"
+        alone, links = sum(each.mass_is == IDENTIFIED for each in told), counted(len(changes), "link")
+        if not alone:
+            return f"{line}; {whole}; the data determine no mass of a link alone: they stay near the robot model's"
+        some = "" if alone == len(changes) else f" of the {alone} that the data determine alone, of {links},"
+        return f"{line}; {whole}; no mass of a link{some} differs from the robot model's beyond its 95 % interval"
     furthest = max(away, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
     before, after = (format_number(mass, 3) for mass in furthest.mass)
     if furthest.link in widths:

@@ -38,6 +38,9 @@ MAX_COLUMNS = 4096
 CHUNK = 1 << 20
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
+#: Where a comment begins, which an error value of a spreadsheet does not; and a number with signs between thousands.
+_COMMENT = re.compile(r"#(?!N/A|DIV/0!|VALUE!|NUM!|REF!|NAME\?|NULL!)")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?:[,' ]\d{3})+\.\d*|(?:[.' ]\d{3})+,\d*|([.,' ])\d{3}(?:\1\d{3})+)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +145,7 @@ class TextTable(LogTable):
     def held(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
         """Yield the lines that hold a row."""
         for number, line in lines:
-            text = line.partition("#")[0].rstrip("\r\n")
+            text = _COMMENT.split(line, maxsplit=1)[0].rstrip("\r\n")
             if text.strip():
                 yield number, text
 
@@ -185,6 +188,10 @@ class TextTable(LogTable):
             return "write the time in seconds, or as in 2024-03-01T10:00:00.125 or 10:00:00.125 in every row"
         if self.line is not None and line == self.line + 1 and not any(sign.isdigit() for sign in cell):
             return "if the row holds units, remove it and put them into the names, such as q1 [rad]"
+        if _THOUSANDS.fullmatch(cell):
+            return "write numbers without signs between the thousands (in Excel: format General)"
+        if cell.startswith("#"):
+            return "leave the cell empty where a value is missing"
         return 'with decimal: "," points are refused' if "." in cell and self.decimal == "," else "correct the cell"
 
 

@@ -116,10 +116,12 @@ class Solved:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of beta for independent rows, shape (b, b)."""
-        sizes = np.sqrt(np.diag(self.information))
+        """Covariance of beta for independent rows, shape (b, b); large of a column that rounding leaves nothing of."""
+        squares = np.diag(self.information)
+        sizes, lost = np.sqrt(np.where(squares > 0.0, squares, 1.0)), squares <= 0.0
         scales = np.outer(sizes, sizes)
-        return np.linalg.inv(self.information / scales) / scales
+        scaled = np.where(lost | lost[:, None], RIDGE * np.eye(len(sizes)), self.information / scales)
+        return np.linalg.inv(scaled) / scales
 
     def last_of_others(self, count: int) -> Array:
         """Return the ``count`` last columns by least squares of the others, negative, shape (count, b - count)."""
