@@ -29,6 +29,7 @@ from dynident.model.robot import Robot
 from dynident.model.shapes import Sphere
 from dynident.results import short_answer
 from dynident.results.plausibility import contradiction, nominal_lines
+from dynident.robot_files.formats.urdf import read_urdf
 
 Capture = pytest.CaptureFixture[str]
 
@@ -261,8 +262,40 @@ def test_the_furthest_mass_stands_with_its_interval_and_only_where_that_does_not
     for share, is_told in ((0.1, True), (2.0, False)):
         stds[9:20:10] = share * away / 1.96
         line = short_answer.bodies_line(replace(estimate, standard_deviations=stds))
-        assert ("; furthest: " in line) is is_told and ("beyond its 95 % interval" in line) is not is_told
+        assert ("; furthest: " in line) is is_told
+        assert ("determine no mass of a link alone: they stay near the robot model's" in line) is not is_told
     stds[[9, 19]] = 2.0 * away[0] / 1.96, 0.1 * away[1] / 1.96  # the other one does, however small its change
     line = short_answer.bodies_line(replace(estimate, standard_deviations=stds))
     assert f"furthest: link2 {masses[1]:.3g} ± {0.1 * away[1]:.2g} kg for {nominal[1]:.3g}" in line
     assert "±" not in short_answer.bodies_line(replace(estimate, standard_deviations=None)).partition("furthest")[2]
+
+
+def test_masses_that_the_data_determine_alone_are_counted(planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
+    """A slide tells its mass, whatever carries it does not."""
+    text = (
+        '<robot name="lift"><link name="base"/><link name="car"><inertial><mass value="60"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="z" type="prismatic"><parent link="base"/><child link="car"/><axis xyz="0 0 1"/>'
+        '<limit lower="0" upper="1" effort="900" velocity="2"/></joint></robot>'
+    )
+    lift = read_urdf("lift.urdf", text.encode())
+    model = DynamicModel(lift, (FRICTION.make("viscous"),))
+    assert lift.nominal is not None
+    log = exact_log(model, np.append(lift.nominal, 20.0), noise=5.0)
+    line = short_answer.bodies_line(identify(model, [log], "consistent", Preprocessing(AsGiven(), rest="keep")))
+    assert "no mass of a link differs from the robot model's beyond its 95 % interval" in line
+
+
+@pytest.mark.parametrize("name", ["friction curve", "spring"])
+def test_friction_beyond_the_parts_is_said_of_its_intervals(
+    name: str, planar_2r: Robot, exact_log: Callable[..., Log]
+) -> None:
+    model = DynamicModel(planar_2r, (FRICTION.make("viscous"),))
+    assert planar_2r.nominal is not None
+    log = exact_log(model, np.append(planar_2r.nominal, [0.3, 0.2]), noise=0.05)
+    estimate = identify(model, [log], "wls", Preprocessing(AsGiven(), rest="keep"))
+    finding = {"severity": "note", "name": name, "joint": "joint1, joint2", "evidence": "", "remedy": ""}
+    quality = [{"log": "a", "findings": [finding, finding]}]
+    told = short_answer.friction_line(replace(estimate, provenance={**estimate.provenance, "log_quality": quality}))
+    assert told.startswith("friction of 2 joints is more than the parts of the model") == (name == "friction curve")
+    assert bool(told) == (name == "friction curve")

@@ -23,8 +23,9 @@ POOR_FIT = 0.25
 POOR_JOINT = 0.5
 
 #: Residual of a joint on test data over that on training data above which the test log is told to be another one (twice
-#: as fast a motion of a real arm had 2.6), where it is more than this share of the torque, so that it matters.
-UNLIKE, UNLIKE_ERROR = 4.0, 0.15
+#: as fast a motion of a real arm had 2.6), where it is more than this share of the torque, so that it matters; and the
+#: one above which a motion beyond that of the fit is the less likely cause.
+UNLIKE, UNLIKE_ERROR, GRAVELY = 4.0, 0.15, 10.0
 
 #: How far a joint may leave its limits, in rad or m.
 BEYOND_LIMITS = 0.05
@@ -120,7 +121,10 @@ def _unlike(estimate: Estimate, test: Validation) -> list[str]:
     told = f"{joint}: the test residual is {times[joint]:.0f} times that of the training data"
     look = f"'dynident check {case} LOG --against ESTIMATE' looks for a load, a unit or another robot"
     if test.departure is not None and estimate.envelope is not None and test.departure.leaves():
-        return [f"{told}: its motion leaves that of the fit, train on such a motion as well; or {look} as its cause"]
+        motion = "its motion leaves that of the fit, train on such a motion as well"
+        if times[joint] < GRAVELY:
+            return [f"{told}: {motion}; or {look} as its cause"]
+        return [f"{told}: {look} as its cause ('dynident payload' weighs a load); {motion}"]
     return [f"{told}: {look} as its cause; 'dynident payload' weighs a load"]
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dynident.diagnosis.verdict import verdict_of
+from dynident.diagnosis.warnings import warnings_of
 from dynident.errors import BadArgument, MissingDependency
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
@@ -131,7 +132,8 @@ def _facts(estimate: Estimate, test: Validation | None) -> list[str]:
             "keys in these remedies are those of a case file; without one change the arrays or the robot, and call "
             "identify again"
         )
-    return [*known, *causes, *first, *summary_lines(estimate, test)]
+    warnings = () if causes else warnings_of(estimate, test)
+    return [*known, *causes, *first, *summary_lines(estimate, test), *(f"warning: {text}" for text in warnings)]
 
 
 def _narrow(table: Table) -> Table:

@@ -12,7 +12,7 @@ from dynident.identification.consistency.labels import IDENTIFIED, NOT_DETERMINE
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Z_95, Validation
-from dynident.results.nominal import errors_table, link_changes, missing_reason
+from dynident.results.nominal import LinkChange, errors_table, link_changes, missing_reason
 from dynident.results.plausibility import plausibility_lines, plausible_words
 from dynident.results.text import (
     Column,
@@ -30,6 +30,9 @@ from dynident.results.verdict import headline, reason_of
 
 #: Share of a sum of parameters that base parameters may lack by rounding.
 _SUM = 1e-6
+
+#: Name of the finding of the log checks that friction is more than the parts of the model.
+CURVE = "friction curve"
 
 #: Joints and warnings that one screen has room for.
 JOINTS, WARNINGS = 9, 4
@@ -85,10 +88,23 @@ def summary_lines(estimate: Estimate, test: Validation | None) -> list[str]:
         bodies_line(estimate),
         *plausibility_lines(estimate, test),
         parameters_line(estimate),
+        friction_line(estimate),
         rotors_line(estimate),
     ]
     known = [*(bodies if is_sound else []), data_line(estimate), checks_line(estimate)]
     return [line for line in (*known, missing_reason(estimate)) if line]
+
+
+def friction_line(estimate: Estimate) -> str:
+    """Return that intervals of friction count no error of its parts, where the log checks saw one; else empty."""
+    found = [finding for log in quality_of(estimate) or () for finding in log["findings"]]
+    joints = {name for each in found if each["name"] == CURVE for name in str(each["joint"]).split(", ")}
+    if not joints:
+        return ""
+    return (
+        f"friction of {counted(len(joints), 'joint')} is more than the parts of the model: intervals of Fc and Fv do "
+        "not count that; friction: auto chooses further parts"
+    )
 
 
 def rotors_line(estimate: Estimate) -> str:
@@ -123,19 +139,25 @@ def bodies_line(estimate: Estimate) -> str:
     if not told:
         return f"{line}; {whole}"
     away = [each for each in told if not abs(each.mass[1] - each.mass[0]) <= widths.get(each.link, 0.0)]
-    if not away and half is not None and abs(totals[1] - totals[0]) > half:
-        return f"{line}; {whole}: beyond its interval, though no single link's mass is beyond its own"
     if not away:
-        alone, links = sum(each.mass_is == IDENTIFIED for each in told), counted(len(changes), "link")
-        if not alone:
-            return f"{line}; {whole}; the data determine no mass of a link alone: they stay near the robot model's"
-        some = "" if alone == len(changes) else f" of the {alone} that the data determine alone, of {links},"
-        return f"{line}; {whole}; no mass of a link{some} differs from the robot model's beyond its 95 % interval"
+        is_beyond = half is not None and abs(totals[1] - totals[0]) > half
+        return f"{line}; {whole}{_near_nominal(told, len(changes), is_beyond)}"
     furthest = max(away, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
     before, after = (format_number(mass, 3) for mass in furthest.mass)
     if furthest.link in widths:
         after += f" ± {format_number(widths[furthest.link], 2)}"
     return f"{line}; {whole}; furthest: {label(furthest.link)} {after} kg for {before} ({furthest.mass_is})"
+
+
+def _near_nominal(told: Sequence[LinkChange], links: int, is_beyond: bool) -> str:
+    """Return what is said of masses none of which is beyond its interval; ``is_beyond``: that of all links is."""
+    if is_beyond:
+        return ": beyond its interval, though no single link's mass is beyond its own"
+    alone = sum(each.mass_is == IDENTIFIED for each in told)
+    if not alone:
+        return "; the data determine no mass of a link alone: they stay near the robot model's"
+    some = "" if alone == links else f" of the {alone} that the data determine alone, of {counted(links, 'link')},"
+    return f"; no mass of a link{some} differs from the robot model's beyond its 95 % interval"
 
 
 def _mass_half_widths(estimate: Estimate) -> dict[str, float]:
