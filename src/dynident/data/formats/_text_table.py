@@ -80,10 +80,8 @@ class TextTable(LogTable):
         wanted = [self.header.index(name) for name in names]
         some = False
         with _opened(self.path) as stream:
-            for _ in islice(stream, self.before):
-                pass
-            number = self.before
-            while lines := list(islice(stream, rows)):
+            rest, number = islice(stream, self.before, None), self.before
+            while lines := list(islice(rest, rows)):
                 values = self._parsed(lines, number, wanted)
                 number += len(lines)
                 if len(values):
@@ -119,10 +117,7 @@ class TextTable(LogTable):
 
     def line_of(self, row: int) -> int:
         """Return the line of the file, counted from 1, of a row counted from 0."""
-        for index, (line, _) in enumerate(self.rows()):
-            if index == row:
-                return line
-        raise IndexError(f"row {row} of {self.path}")
+        return next(islice(self.rows(), row, None))[0]
 
     def _fast(self) -> Array:
         """Return all cells, or raise ValueError for the first that is not a number or a ragged row."""
@@ -160,8 +155,7 @@ class TextTable(LogTable):
         return np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
 
     def _ragged(self, count: int) -> tuple[str, str]:
-        word = DELIMITERS[self.delimiter]
-        evidence = f"{count} {word}-separated cells, the header in line {self.line} has {len(self.header)}"
+        evidence = f"{count} {DELIMITERS[self.delimiter]}-separated cells, the header in line {self.line} has {len(self.header)}"
         if self.delimiter == "," and count == 2 * len(self.header):
             return evidence, "decimal commas need another separator; write decimal points or separate by semicolons"
         return evidence, "correct the line, or write the header with the separator of the rows"
