@@ -77,8 +77,7 @@ class TextTable(LogTable):
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
         """Yield some columns in blocks; see :meth:`LogTable.batches`."""
-        wanted = [self.header.index(name) for name in names]
-        some = False
+        wanted, some = [self.header.index(name) for name in names], False
         with _opened(self.path) as stream:
             rest, number = islice(stream, self.before, None), self.before
             while lines := list(islice(rest, rows)):
@@ -155,8 +154,9 @@ class TextTable(LogTable):
         return np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
 
     def _ragged(self, count: int) -> tuple[str, str]:
-        evidence = f"{count} {DELIMITERS[self.delimiter]}-separated cells, the header in line {self.line} has {len(self.header)}"
-        if self.delimiter == "," and count == 2 * len(self.header):
+        word, wanted = DELIMITERS[self.delimiter], len(self.header)
+        evidence = f"{count} {word}-separated cells, the header in line {self.line} has {wanted}"
+        if self.delimiter == "," and count == 2 * wanted:
             return evidence, "decimal commas need another separator; write decimal points or separate by semicolons"
         return evidence, "correct the line, or write the header with the separator of the rows"
 
