@@ -153,6 +153,16 @@ def test_files_by_a_pattern_and_recordings_in_a_row(logs: list[ServoLog]) -> Non
     Path("case.yaml").write_text(case.replace("episode_*", "episode_1"))
     with pytest.raises(DescriptionError, match="1 log: with servo it divides whole logs"):
         logs_of_servos(read_case("case.yaml"))
+    chunk = Path("whole/data/chunk-000")
+    for folder in (chunk, Path("whole/meta")):
+        folder.mkdir(parents=True)
+    Path("whole/meta/info.json").write_text("{}")
+    for k in range(3):
+        Path(f"episode_{k}.parquet").rename(chunk / f"episode_{k}.parquet")
+    Path("case.yaml").write_text(case.replace("episode_*.parquet", "whole"))  # the folder of the data set
+    assert [Path(one.name).name for part in logs_of_servos(read_case("case.yaml")) for one in part] == [
+        f"episode_{k}.parquet" for k in range(3)
+    ]
     write_set(logs, 180.0 / np.pi)
     Path("case.yaml").write_text(case.replace("episode_*", "row"))
     table = pq.read_table("set.parquet").drop_columns(["episode_index"])

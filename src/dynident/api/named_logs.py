@@ -17,8 +17,9 @@ _MAGIC = "*?["
 def logs_named(names: Sequence[str], find: Callable[[str], Path]) -> tuple[list[str], list[str]]:
     """Return the logs that names stand for, and the files of folders that are no logs.
 
-    A folder stands for the logs in it, in the order of their names, unless a format takes it as one recording; a
-    pattern with ``*``, ``?`` or ``[...]`` for the files that match it. A log that is named twice is there twice.
+    A folder stands for the logs in it, in the order of their names, a data set of LeRobot for those under ``data``,
+    unless a format takes it as one recording; a pattern with ``*``, ``?`` or ``[...]`` for the files that match it. A
+    log that is named twice is there twice.
 
     Args:
         names: Files, folders, patterns, addresses.
@@ -47,6 +48,8 @@ def _local(name: str, find: Callable[[str], Path]) -> list[str] | None:
     """Return the files that a folder or a pattern stands for; None for a single log."""
     place = find(name)
     if os.path.isdir(place):
+        if (place / "meta" / "info.json").exists():  # a data set of LeRobot
+            return sorted(str(item) for item in place.glob("data/*/*.parquet"))
         return None if _is_log(str(place)) else sorted(str(item) for item in place.iterdir() if item.is_file())
     if os.path.exists(place) or not any(sign in name for sign in _MAGIC):
         return None
