@@ -1,4 +1,4 @@
-"""Drafts with fewer parameters: those that are not significant are fixed, at the robot model's value or at zero.
+"""Drafts with fewer parameters: those that are not significant are fixed, bodies at the robot model, friction at zero.
 
 The draft of each real set is identified as it is. Then, in a free fit of the same rows, the parameter that is not
 significant at 95 % and whose move to the fixed value costs least is fixed, and the others are found anew (Pham and
@@ -127,7 +127,7 @@ def split(name: str, draft: Case, data: Path) -> tuple[list[Log], list[Log]]:
 def main() -> None:
     """Print the table."""
     data = Path(os.environ["DYNIDENT_DATA"])
-    print("| set | parameters | not significant | fixed at | kept | not significant | free | consistent |")
+    print("| set | parameters | not significant | until | kept | not significant | free | consistent |")
     print("|---|---|---|---|---|---|---|---|")
     for name in sys.argv[1:] or SETS:
         with tempfile.TemporaryDirectory() as folder:
@@ -148,18 +148,16 @@ def main() -> None:
         with_all = error(base.from_standard(whole_theta))
         free_all = error(reduction.beta)
         unclear = len(not_significant(whole)) / whole.base.count
-        for words, values in (("robot model", model), ("zero", np.zeros(base.count))):
-            path = reduction.path(values)
-            for way, place in (("", len(path) - 1), (", residual within 1 %", reduction.as_good(path, values))):
-                keep, beta, share = path[place]
-                free = error(beta) / free_all
-                theta = reduction.consistent(keep, values)
-                links = error(base.from_standard(theta)) / with_all
-                print(
-                    f"| {name} | {base.count} | {unclear:.0%} | {words}{way} | {keep.sum()} | {share:.0%} | {free:.3f} "
-                    f"| {links:.3f} |",
-                    flush=True,
-                )
+        path = reduction.path(model)
+        for way, place in (("a third", len(path) - 1), ("residual within 1 %", reduction.as_good(path, model))):
+            keep, beta, share = path[place]
+            theta = reduction.consistent(keep, model)
+            free, links = error(beta) / free_all, error(base.from_standard(theta)) / with_all
+            print(
+                f"| {name} | {base.count} | {unclear:.0%} | {way} | {keep.sum()} | {share:.0%} | {free:.3f} "
+                f"| {links:.3f} |",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":
