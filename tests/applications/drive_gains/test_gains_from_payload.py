@@ -83,8 +83,8 @@ def test_a_gain_that_grows_beyond_all_bounds_stops_no_search_for_the_delay(spati
 
 def test_a_gain_that_a_first_fit_loses_in_noise_is_found_again(spatial_3r: Robot) -> None:
     """Least squares has that of joint3 far too small, from where it went to -4e-6 with no end of its interval."""
-    arm = LoadedArm(spatial_3r, np.array([14.0, 9.0, 6.0]))
-    for gain, true in zip(found(arm, CarriedBody(MASS), 0.2, 1).gains, arm.gains, strict=True):
+    arm = LoadedArm(spatial_3r, np.array([14.0, 9.0, 6.0]), seconds=6.0)
+    for gain, true in zip(found(arm, CarriedBody(MASS), 0.2, 5).gains, arm.gains, strict=True):
         assert gain.low < true < gain.high and gain.value == pytest.approx(true, rel=0.15)
 
 

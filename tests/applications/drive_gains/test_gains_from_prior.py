@@ -87,6 +87,29 @@ def test_a_base_that_stands_otherwise_contradicts_known_bodies(spatial_3r: Robot
     assert "gravity" not in gains_from_prior(floating, [arm.log(False)], preprocessing=GIVEN).gains[0].reason
 
 
+@pytest.mark.parametrize(
+    ("factor", "order", "words"),
+    [
+        ([1.0, -1.0, 1.0], [0, 1, 2], "with the position of joint2 reversed"),
+        ([1.0, 1.0, 1.0], [0, 2, 1], "with the currents of joint2 and joint3 exchanged"),
+        ([180.0 / np.pi] * 3, [0, 1, 2], "with positions in deg that were read as radians"),
+    ],
+    ids=["sign", "order", "unit"],
+)
+def test_columns_that_are_read_wrongly_are_named(
+    spatial_3r: Robot, factor: list[float], order: list[int], words: str
+) -> None:
+    """A gain follows whatever motion its current is put beside: gains came out wrong, with narrow intervals."""
+    arm = LoadedArm(spatial_3r, GAINS)
+    log = arm.log(False, 0.02)
+    assert log.dq is not None and log.ddq is not None and log.current is not None
+    motion = {name: getattr(log, name) * np.array(factor) for name in ("q", "dq", "ddq")}
+    gains = gains_from_prior(
+        arm.model, [replace(log, **motion, current=log.current[:, order])], share=0.1, preprocessing=GIVEN
+    )
+    assert gains.by_joint() == {} and all(words in gain.reason for gain in gains.gains), gains.gains[0].reason
+
+
 def another(link: Link, share: float, generator: np.random.Generator) -> np.ndarray:
     """Return the ten parameters of a link whose mass, centre and inertia are off by a share."""
     body = link.inertia

@@ -14,7 +14,6 @@ from dynident.applications.drive_gains.gravity import (
     FOUND,
     STEPS,
     UPRIGHT,
-    base_in_any_direction,
     pulls,
     turned,
     under,
@@ -31,6 +30,7 @@ from dynident.errors import BadOption
 from dynident.identification.problem.problem import Problem, counting_rows
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.selection.delay import find_delays
+from dynident.identification.selection.friction.column_pool import ROWS
 from dynident.identification.selection.friction.load import PASSES, without_load
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
@@ -72,6 +72,10 @@ class PreparedRuns:
 
     logs: tuple[tuple[Prepared, ...], ...]
     delays: tuple[float, ...] = ()
+
+    def sparser(self) -> PreparedRuns:
+        """Return the runs with as many rows as a comparison of fits needs."""
+        return replace(self, logs=tuple(tuple(log.sparser(ROWS) for log in run) for run in self.logs))
 
 
 @dataclass(frozen=True)
@@ -125,21 +129,27 @@ class GainSolve:
             filter=runs.logs[0][0].statement(),
         )
 
-    def under_free_gravity(
-        self, runs: PreparedRuns, unknowns_of: Callable[[BaseParameters], Unknowns], start: Array
-    ) -> tuple[Array, float]:
-        """Return gravity (3,) in the direction near a start that fits logs best, and the misfit with it.
+    def misfit(self, runs: PreparedRuns, gravity: Array | None = None) -> float:
+        """Return the misfit of the gains of prepared runs of logs, under another gravity (3,) if given.
+
+        Friction that depends on the load is taken without one, which makes the misfit larger, never smaller than it is.
+        """
+        model = self.model if gravity is None else under(self.model, gravity)
+        solve = replace(self, model=model, progress=lambda step: None)
+        data = solve._data(runs.logs, [np.zeros(self.base.count) if "torque" in model.needs else None] * len(runs.logs))
+        return _misfit(data, solve._solved(data))
+
+    def under_free_gravity(self, runs: PreparedRuns, start: Array) -> tuple[Array, float]:
+        """Return the direction of gravity near a start that fits prepared runs of logs best, and the misfit with it.
+
+        The base parameters are those of :func:`~.gravity.base_in_any_direction`.
 
         Args:
             runs: Prepared runs of logs.
-            unknowns_of: The unknowns beside the gains for base parameters.
             start: Where the search begins, shape (3,), in m/s^2.
         """
-        self.progress("direction of gravity")
-        base = base_in_any_direction(self.model)
-        plain = unknowns_of(base)
-        quiet = replace(self, model=under(self.model, start), base=base, unknowns=plain, progress=lambda step: None)
-        gravity = start
+        base, plain, gravity = self.base, self.unknowns, start
+        quiet = replace(self, model=under(self.model, start), progress=lambda step: None)
         free = replace(quiet, unknowns=with_lean(plain))
         loads = [np.zeros(base.count) if "torque" in self.model.needs else None for _ in runs.logs]
         data = quiet._data(runs.logs, loads)
@@ -155,7 +165,7 @@ class GainSolve:
             gravity = turned(gravity, fit.z[-2:])
             if float(np.max(np.abs(fit.z[-2:]))) < (UPRIGHT if step == 0 else FOUND):
                 break
-        return gravity, misfit(np.sqrt(group_squares(data, fit.rows) / np.maximum(data.counts, 1.0)))
+        return gravity, _misfit(data, fit)
 
     def _remarks(self) -> tuple[str, ...]:
         if self.options.method in ("wls", "ols"):
@@ -229,9 +239,16 @@ class GainSolve:
         return PreparedRuns(tuple(prepared), tuple(delays))
 
 
-def misfit(residuals: Array) -> float:
-    """Return the logarithm of the product of residual currents (G,), which is less the better gains fit."""
-    return float(np.sum(np.log(np.maximum(residuals, 1e-300))))
+def misfit_of(squares: Array) -> float:
+    """Return the logarithm of the product of residual currents from their mean squares (G,); less is a better fit.
+
+    Groups without a residual, as of drives that rest, do not count.
+    """
+    return float(np.sum(0.5 * np.log(squares[squares > 0])))
+
+
+def _misfit(data: GainData, fit: GainFit) -> float:
+    return misfit_of(group_squares(data, fit.rows) / np.maximum(data.counts, 1.0))
 
 
 def _groups(joints: tuple[str, ...], signed: bool) -> list[int]:

@@ -9,8 +9,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from dynident.applications.drive_gains.column_readings import other_readings
 from dynident.applications.drive_gains.drive_gains import IDENTIFIED, NOT_DETERMINED, DriveGains
-from dynident.applications.drive_gains.gain_solve import GainOptions, GainSolve, PreparedRuns, Progress, Runs, misfit
+from dynident.applications.drive_gains.gain_solve import GainOptions, GainSolve, PreparedRuns, Progress, Runs, misfit_of
+from dynident.applications.drive_gains.gravity import base_in_any_direction
 from dynident.applications.drive_gains.methods import METHODS
 from dynident.applications.drive_gains.payload import CarriedBody
 from dynident.applications.drive_gains.unknowns import Unknowns, unknowns_with_payload, unknowns_with_prior
@@ -68,7 +70,7 @@ def gains_from_payload(
         return found
     fewer = [replace(payload, inertia=None)] if payload.inertia is not None else []
     less = [*fewer, replace(payload, centre=None, inertia=None)] if payload.centre is not None else []
-    others = [*_leaning(found, solve, ready, lambda free: unknowns_with_payload(model, free, payload))]
+    others = _otherwise(found, solve, ready, lambda free: unknowns_with_payload(model, free, payload))
     for unknown in less:
         free = replace(solve, unknowns=unknowns_with_payload(model, base, unknown), progress=lambda step: None)
         try:
@@ -76,7 +78,7 @@ def gains_from_payload(
         except (BadOption, SolverFailed):  # the mass alone does nothing about these axes
             continue
         if any(gain.is_apart_from(each) for gain, each in zip(found.gains, other.gains, strict=True)):
-            others.append((_misfit(other), _other_payload(other, unknown, model.robot)))
+            others.append((free.misfit(ready.sparser()), _other_payload(other, unknown, model.robot)))
             break
     return _agreed(found, others)
 
@@ -96,8 +98,20 @@ def _other_payload(other: DriveGains, unknown: CarriedBody, robot: Robot) -> str
     )
 
 
-def _leaning(
+def _otherwise(
     found: DriveGains, solve: GainSolve, runs: PreparedRuns, unknowns_of: Callable[[BaseParameters], Unknowns]
+) -> list[tuple[float, str]]:
+    """Return the misfit with gravity in another direction, or columns read otherwise, and that in words."""
+    sparse, plain = runs.sparser(), misfit_of(np.array([gain.residual**2 for gain in found.gains]))
+    return [*_leaning(found, plain, solve, sparse, unknowns_of), *other_readings(found, plain, solve, sparse)]
+
+
+def _leaning(
+    found: DriveGains,
+    plain: float,
+    solve: GainSolve,
+    runs: PreparedRuns,
+    unknowns_of: Callable[[BaseParameters], Unknowns],
 ) -> list[tuple[float, str]]:
     """Return the misfit with gravity in the direction that fits best, and that in words, where it fits far better.
 
@@ -107,15 +121,20 @@ def _leaning(
     if not np.any(stated):
         return []
     poor = 2 * sum(gain.label == IDENTIFIED for gain in found.gains) < len(found.gains)
-    tried: list[tuple[float, Array]] = []
-    for start in (stated, *(other_mountings(stated) if poor else ())):
+    tried, starts = list[tuple[float, Array]](), list[tuple[float, Array]]()
+    free = base_in_any_direction(solve.model)
+    solve = replace(solve, base=free, unknowns=unknowns_of(free))
+    for axis in other_mountings(stated) if poor else ():
         with suppress(BadOption, SolverFailed):
-            there, misfit_there = solve.under_free_gravity(runs, unknowns_of, start)
+            starts.append((solve.misfit(runs, axis), axis))
+    for start in (stated, *(axis for _, axis in sorted(starts, key=lambda each: each[0])[:1])):
+        with suppress(BadOption, SolverFailed):
+            there, misfit_there = solve.under_free_gravity(runs, start)
             tried.append((misfit_there, there))
     if not tried:
         return []
     size, gravity = min(tried, key=lambda each: each[0])
-    angle, gain = degrees_off(gravity, stated), 2.0 * (_misfit(found) - size)
+    angle, gain = degrees_off(gravity, stated), 2.0 * (plain - size)
     if gain < GAIN or angle < LEAN:
         return []
     vector = ", ".join(f"{value + 0.0:.3g}" for value in gravity)
@@ -126,10 +145,6 @@ def _leaning(
             f"{variance_falls(gain)}; state how the arm is mounted (gravity: [{vector}] in the frame of the base)",
         )
     ]
-
-
-def _misfit(found: DriveGains) -> float:
-    return misfit(np.array([gain.residual for gain in found.gains]))
 
 
 def _agreed(found: DriveGains, others: Sequence[tuple[float, str]]) -> DriveGains:
@@ -189,7 +204,7 @@ def gains_from_prior(
     found = solve.gains(ready, 0.0, f"known bodies, {trusted}", "bodies", lambda names, z: {})
     if options.method != METHODS[0]:
         return found
-    return _agreed(found, _leaning(found, solve, ready, lambda free: unknowns_with_prior(model, free, known, share)))
+    return _agreed(found, _otherwise(found, solve, ready, lambda free: unknowns_with_prior(model, free, known, share)))
 
 
 def _payload_found(payload: CarriedBody) -> Callable[[Sequence[str], Array], dict[str, float]]:

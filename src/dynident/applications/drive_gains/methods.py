@@ -45,7 +45,7 @@ LONGEST = 0.5
 LOST = 1e-3
 
 #: Values over that of the linear fit, inverse as well, at which a gain that went to nothing is begun again.
-AGAIN = (1.0, -1.0, 0.25, -0.25)
+AGAIN = (-1.0, 0.25)
 
 #: The fit has converged when the logarithm of its likelihood changes by less, twice; one is a standard deviation.
 CONVERGED = 1e-6
@@ -178,7 +178,7 @@ def _climbed(data: GainData, here: _StructuredPoint, thin: Array, least: Array) 
         if calm == 2:
             return here, step
     evidence = f"no convergence within {STEPS} steps"
-    step_next = "check gravity, signs and order of the columns; record a motion that loads every joint by gravity"
+    step_next = "check gravity, units, signs and order of the columns; or record a motion that loads every joint more"
     raise SolverFailed("structured total least squares for drive gains", evidence, step_next)
 
 
