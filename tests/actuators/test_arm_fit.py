@@ -49,6 +49,15 @@ def test_what_an_encoder_does_not_see_is_no_motion(robot: Robot, noise: float) -
     np.testing.assert_allclose(beyond_noise(lacks, record), lacks, rtol=0.03)
 
 
+@pytest.mark.parametrize(("steps", "is_motion"), [(0.45, False), (-0.45, False), (3.0, True)])
+def test_a_joint_that_rests_is_anywhere_within_half_a_step(robot: Robot, steps: float, is_motion: bool) -> None:
+    """Its readings repeat: they are off by one and the same part of a step, all of which is no motion."""
+    log = virtual_logs(robot, parameters(), gains=(2.0,))[0]
+    left = np.full(log.samples, steps * 2.0 * np.pi / 4096)
+    found = beyond_noise(left, record_of(log, 0, measured_loads(robot, log)[0], LAW))
+    np.testing.assert_allclose(found, left if is_motion else 0.0, rtol=0.03, atol=1e-12)
+
+
 def test_parts_of_the_load_are_equal_and_no_longer_than_the_step() -> None:
     ends = divided(np.array([0.0, 0.01, 0.0205, 0.03]), 3e-3)
     np.testing.assert_allclose(ends[::4], [0.0, 0.01, 0.0205, 0.03])

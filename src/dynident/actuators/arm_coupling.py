@@ -81,12 +81,18 @@ class Arm:
         """Return the roll-outs and the fit of each joint."""
         return [(fit.problem(data), fit) for data, fit in zip(self.datas, self.fits, strict=True)]
 
-    def spreads(self, finely: bool = False) -> list[Spread]:
+    def spreads(self) -> list[Spread]:
         """Return how the errors of each joint spread its parameters, those of the others as they are."""
-        return [
-            spread_of(one.finely if finely else one, fit.parameters, DRAWS if finely else 0)
-            for one, fit in self.pairs()
-        ]
+        return [spread_of(one, fit.parameters) for one, fit in self.pairs()]
+
+    def fine_spreads(self, beside: Sequence[Array | None]) -> list[Spread]:
+        """Return the same with the step of the answer, over roll-outs drawn within what the others do too.
+
+        Args:
+            beside: Covariance of the free parameters of each joint by the errors of the others, each (f, f), or None.
+        """
+        pairs = zip(self.pairs(), beside, strict=True)
+        return [spread_of(one.finely, fit.parameters, DRAWS, more) for (one, fit), more in pairs]
 
     @property
     def firsts(self) -> list[int]:

@@ -96,7 +96,9 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     share = min(errors, key=errors.__getitem__)  # where zeros trade almost evenly a step is noise, many times larger
     arm = finer(replace(arm, fits=arm.after(arm.step(share))))
     step = arm.step()
-    return replace(arm, fits=arm.after(arm.step(share))), arm.reached(arm.spreads(finely=True), reach, step)
+    whole = arm.reached(spreads, reach, step)
+    fine = arm.fine_spreads([one.covariance - own.covariance for one, own in zip(whole, spreads, strict=True)])
+    return replace(arm, fits=arm.after(arm.step(share))), arm.reached(fine, reach, step)
 
 
 def finer(arm: Arm) -> Arm:

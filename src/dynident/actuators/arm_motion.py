@@ -104,12 +104,13 @@ def joint_motion(record: JointRecord, own: Array, measured: MeasuredMotion | Non
 def beyond_noise(left: Array, record: JointRecord) -> Array:
     """Return what a roll-out leaves of the positions, shape (N,), less the share that noise of the encoder explains.
 
-    A twelfth of the squared step, or the noise that second differences show where that is more: where the model says
-    all, its roll-out is the best that is known of the motion, and twice differentiated noise would be part of the load.
+    A quarter of the squared step, as the reading of a joint that rests is off by one and the same part of half a step
+    (a moving one by a twelfth), or the noise that second differences show where that is more: where the model says all,
+    its roll-out is the best that is known of the motion, and twice differentiated noise would be part of the load.
     Samples that do not count are those that the model is not for: there the measurement is all that is known.
     """
     used = left[record.used]
-    noise = max(encoder_step([record]) ** 2 / 12.0, float(np.mean(np.diff(used, 2) ** 2)) / 6.0)
+    noise = max(encoder_step([record]) ** 2 / 4.0, float(np.mean(np.diff(used, 2) ** 2)) / 6.0)
     share = max(0.0, 1.0 - noise / max(float(np.mean(used**2)), 1e-300))
     return np.where(record.used, share, 1.0) * left
 

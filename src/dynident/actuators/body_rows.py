@@ -89,7 +89,8 @@ def body_rows(arm: Arm, base: BaseParameters, along_base: Array, theta: Array, f
             after, before = (arm.torques(joint, with_zero(used, zero + by), is_whole=False) for by in (_TURN, -_TURN))
             turn = [(one - other) / (2.0 * _TURN) for one, other in zip(after, before, strict=True)]
             columns = [np.dstack([own, each]) for own, each in zip(columns, turn, strict=True)]
-    beta, each, spreads = base.from_standard(theta), [], arm.spreads(finely)
+    beta, each = base.from_standard(theta), []
+    spreads = arm.fine_spreads([None] * len(arm.fits)) if finely else arm.spreads()
     count, size = len(beta), along_base / (along_base @ beta)
     scale, along = np.append(beta, 1.0), np.append(size, np.zeros(zeros + 2))
     for joint, ((one, fit), spread) in enumerate(zip(arm.pairs(), spreads, strict=True)):

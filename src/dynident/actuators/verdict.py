@@ -108,12 +108,16 @@ class Spread:
     ratio: Array | None = None
 
     def half_widths(self, covariance: Array) -> Array:
-        """Return half widths of the intervals by a covariance that holds other errors too, shape (f,)."""
-        whole = np.maximum(np.diag(covariance), 0.0)
-        return np.sqrt(np.minimum(self.own, whole) * self.factors**2 + np.maximum(whole - self.own, 0.0) * NORMAL**2)
+        """Return half widths of the intervals by a covariance that holds other errors too, shape (f,).
+
+        They are no narrower than by the errors of the joint alone: what other joints take from these stands on
+        derivatives of small changes.
+        """
+        more = np.maximum(np.diag(covariance) - self.own, 0.0)
+        return np.sqrt(self.own * self.factors**2 + more * NORMAL**2)
 
 
-def spread_of(problem: ServoProblem, parameters: Array, draws: int = 0) -> Spread:
+def spread_of(problem: ServoProblem, parameters: Array, draws: int = 0, beside: Array | None = None) -> Spread:
     """Return how the errors of the roll-outs spread the free parameters.
 
     By a sandwich covariance of two parts.
@@ -125,7 +129,7 @@ def spread_of(problem: ServoProblem, parameters: Array, draws: int = 0) -> Sprea
     Acoustics, Speech, and Signal Processing 25, 1977).
 
     The best roll-out has two places of rest a whole number of steps apart, as their readings are, so their errors would
-    be equal: the covariance is averaged over roll-outs drawn within it.
+    be equal: the covariance is averaged over roll-outs drawn within it, and within what errors of other joints do.
 
     All else: scores clustered by pieces of the logs (whole logs where there are eight or more), as errors of one
     roll-out are correlated over its whole length (Cameron and Miller, "A practitioner's guide to cluster-robust
@@ -139,6 +143,8 @@ def spread_of(problem: ServoProblem, parameters: Array, draws: int = 0) -> Sprea
         problem: Roll-outs and free parameters.
         parameters: Where they ended, shape (COUNT,).
         draws: Roll-outs that the encoder's part is averaged over; 0: that of the answer alone.
+        beside: Covariance of the free parameters by the errors of other joints, within which they are drawn too,
+            shape (f, f); None for none.
     """
     errors, slopes = problem.errors(parameters)
     weights = log_weights(problem, parameters) if len(errors) > 2 else np.ones(len(errors))
@@ -159,7 +165,10 @@ def spread_of(problem: ServoProblem, parameters: Array, draws: int = 0) -> Sprea
         loose = np.sqrt(square / count / np.maximum(powers, max(1e-6 * RANK * powers[-1], 1e-300)))
         seen[free] = np.linalg.norm(vectors[:, ~good] * loose[~good], axis=1) <= 2.0 * WEAK
         unit = vectors[:, good] / np.sqrt(powers[good])
-        found = score_covariance(problem.records, errors, [own[:, free] @ unit for own in rows], sizes, draws)
+        scores = [own[:, free] @ unit for own in rows]
+        into = (vectors[:, good] * np.sqrt(powers[good])).T / scales[free]
+        more = 0.0 if beside is None else into @ beside[np.ix_(free, free)] @ into.T
+        found = score_covariance(problem.records, errors, scores, sizes, draws, more)
         covariance[np.ix_(free, free)] = unit @ found.covariance @ unit.T
         factors[free] = found.factors(unit, count)
     covariance *= np.outer(scales, scales)
@@ -215,6 +224,7 @@ def score_covariance(
     slopes: Sequence[Array],
     sizes: Sequence[float],
     draws: int = 0,
+    beside: Array | float = 0.0,
 ) -> Scores:
     """Return how the sum of all scores is spread: of derivatives of the errors times the errors.
 
@@ -224,6 +234,7 @@ def score_covariance(
         slopes: Derivatives times the weight of each log, each (N, f); of all logs together with orthonormal columns.
         sizes: Weight of each log.
         draws: Roll-outs within the covariance itself that it is averaged over; 0: that of the answer alone.
+        beside: Covariance of other errors, within which they are drawn too, shape (f, f).
     """
     scores: list[Array] = []
     waves: list[Array] = []
@@ -241,7 +252,7 @@ def score_covariance(
     within, count, free = (pieces.conj().T @ pieces).real + white, len(scores), len(white)
     if draws:
         moves = [own / (size * step) for own, size in zip(slopes, sizes, strict=True)]
-        encoder = _drawn(places, moves, scaled, within, white, draws)
+        encoder = _drawn(places, moves, scaled, within, white, draws, beside)
     powers, vectors = eigh(np.transpose(scores) @ scores * count / max(count - 1, 1), within)
     more = np.where(powers > (1.0 + np.sqrt(free / count)) ** 2, powers - 1.0, 0.0)
     clustered = np.asarray((within @ vectors * more) @ (within @ vectors).T)
@@ -251,7 +262,13 @@ def score_covariance(
 
 
 def _drawn(
-    places: Sequence[Array], moves: Sequence[Array], slopes: Sequence[Array], first: Array, white: Array, draws: int
+    places: Sequence[Array],
+    moves: Sequence[Array],
+    slopes: Sequence[Array],
+    first: Array,
+    white: Array,
+    draws: int,
+    beside: Array | float,
 ) -> list[Array]:
     """Return the harmonics of the scores by the encoder, each (h, f), of roll-outs within the covariance of these.
 
@@ -262,10 +279,13 @@ def _drawn(
         first: Covariance that they are drawn in at first, where errors of different pieces do not correlate, (f, f).
         white: Part of the high harmonics, which all roll-outs share, (f, f).
         draws: Number of roll-outs.
+        beside: Covariance of other errors, shape (f, f).
     """
     random, covariance, found = np.random.default_rng(0), first, list[Array]()
+    powers, vectors = np.linalg.eigh(beside + np.zeros_like(first))
+    others = (vectors * np.maximum(powers, 0.0)) @ vectors.T  # what other joints add, not what they take
     for _ in range(_PASSES):
-        root, found = np.linalg.cholesky(covariance), []
+        root, found = np.linalg.cholesky(covariance + others), []
         for _ in range(draws):
             moved = root @ random.standard_normal(len(white))
             parts = zip(places, moves, slopes, strict=True)
