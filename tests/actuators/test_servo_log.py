@@ -114,6 +114,17 @@ def test_reads_that_fail_often_are_found_too(log: ServoLog, tmp_path: Path, shar
     assert failed[~bad].mean() <= 2.0 * share**2  # a right read between two that fail looks like one
 
 
+@pytest.mark.parametrize("share", [0.03, 0.3, 0.7])
+def test_an_encoder_that_ticks_at_rest_has_no_failed_reads(log: ServoLog, tmp_path: Path, share: float) -> None:
+    count, random = 2 * np.pi / 4096, np.random.default_rng(1)
+    q = np.round(log.q / count) * count
+    q[:, 0] = count * (500 + (random.random(len(q)) < share))
+    assert not read_servo_logs(write_csv(changed(log, q=q), tmp_path / "a.csv"), COLUMNS)[0].failed.any()
+    q[100, 0] = 0.0
+    found = read_servo_logs(write_csv(changed(log, q=q), tmp_path / "b.csv"), COLUMNS)[0]
+    assert np.flatnonzero(found.failed[:, 0]).tolist() == [100]
+
+
 FAULTS: list[tuple[str, Callable[[ServoLog], dict[str, object]], str, str]] = [
     ("command is measurement", lambda log: {"q_ref": log.q}, "equals its measurement", "goal position"),
     ("command is a later measurement", lambda log: {"q_ref": np.roll(log.q, -1, 0)}, "1 sample later", "goal position"),

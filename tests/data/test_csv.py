@@ -358,15 +358,18 @@ def test_with_decimal_commas_a_point_is_refused(tmp_path, cell, message):
     assert str(caught.value) == f"{path}:{ROWS + 2}: {message}"
 
 
-@pytest.mark.parametrize("cell", ['"1,000.0"', "1 000.5", '"-1,234,567"', "1'000.25"])
+@pytest.mark.parametrize("cell", ['"1,000.0"', "1 000.5", "1\u202f000.5", '"-1,234,567"', "1'000.25"])
 def test_signs_between_thousands_are_named(tmp_path, cell):
     with pytest.raises(LogFormatError, match=rf":4: column 'q1' holds .*{re.escape(THOUSANDS)}"):
         read_log(saved(tmp_path, edited(4, f"0.02,{cell},2,3,4")))
 
 
-def test_an_error_of_a_spreadsheet_is_no_comment(tmp_path):
-    with pytest.raises(LogFormatError, match="'#DIV/0!', which is not a number; leave the cell empty"):
-        read_log(saved(tmp_path, edited(4, "0.02,#DIV/0!,2,3,4")))
+@pytest.mark.parametrize("cell", ["#N/A", "#DIV/0!", "#NV", "#WERT!", "#SPILL!"])
+@pytest.mark.parametrize("row", [2, 4])
+def test_an_error_of_a_spreadsheet_is_no_comment(tmp_path, cell, row):
+    for text in (f"0.02,{cell},2,3,4", f"0.02,1,2,3,{cell}"):
+        with pytest.raises(LogFormatError, match=f"'{re.escape(cell)}', which is not a number; leave the cell empty"):
+            read_log(saved(tmp_path, edited(row, text)))
     assert read_log(saved(tmp_path, edited(4, "0.02,1,2,3,4 # by hand"))).samples == ROWS
 
 

@@ -1,5 +1,6 @@
 """Several logs of one case: what a fit shows is looked for in those together that one set of parameters explains."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from dynident.case.case import Case
 from dynident.diagnosis.causes.pooled_logs import pooled_fit, pooled_logs
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.examination import examine, examine_logs
+from dynident.model.friction import Motion
 
 
 @pytest.fixture(scope="module")
@@ -77,19 +79,42 @@ def at_rest(trial: Trial, joints: tuple[int, ...]) -> Trial:
     return trial.with_columns(q=q, dq=dq)
 
 
+def moved_at_rest(trial: Trial, case: Case, joint: int) -> Trial:
+    """Return a log with a joint that stays where it is, with the torques of that motion."""
+    rest = at_rest(trial, (joint,))
+    t = rest.columns["t"]
+    before, after = (
+        case.model.torque(Motion(c["q"], c["dq"], np.gradient(c["dq"], t, axis=0)), case.model.nominal())
+        for c in (trial.columns, rest.columns)
+    )
+    return rest.with_columns(tau=trial.columns["tau"] + after - before)
+
+
 def test_a_joint_at_rest_in_one_log_that_others_move_is_a_note(trials: list[Trial], tmp_path: Path) -> None:
     case, last = trials[0].case, trials[0].case.robot.joint_names[2]
-    first, *rest = examine_logs(case, written([at_rest(trials[0], (2,)), *trials[1:]], tmp_path))
+    first, *rest = examine_logs(case, written([moved_at_rest(trials[0], case, 2), *trials[1:]], tmp_path))
     assert [(one.severity, one.name, one.joint) for one in first.findings if one.joint == last] == [
         ("note", "at rest in one log", last)
     ]
-    assert first.left_out.endswith("joints are at rest that other logs move") and all(
-        one.sound for one in (first, *rest)
-    )
+    assert not first.left_out and all(one.sound for one in rest)
+    apart, *_ = examine_logs(case, written([at_rest(trials[0], (2,)), *trials[1:]], tmp_path))  # of another motion
+    assert [one.severity for one in apart.findings if one.joint == last] == ["warning"] and apart.left_out
     both = examine_logs(case, written([at_rest(trial, (2,)) for trial in trials[:2]], tmp_path))
     assert [[one.name for one in each.findings if one.severity == "error"] for each in both[:2]] == [
         ["joint never moved"]
     ] * 2
+    paths = written([at_rest(trials[0], (2,)), trials[1]], tmp_path)  # moved by a log to test on alone
+    first, *_ = examine_logs(replace(case, train=(paths[0],), test=(paths[1],)), paths)
+    assert [one.name for one in first.findings if one.severity == "error"] == ["joint never moved"]
+
+
+def test_logs_that_each_rest_another_joint_are_examined_together(trials: list[Trial], tmp_path: Path) -> None:
+    """Each alone says too little; a torque that is turned in all of them is named, right ones are silent."""
+    case = trials[0].case
+    rested = [moved_at_rest(trial, case, joint) for joint, trial in enumerate(trials)]
+    assert all(one.sound for one in examine_logs(case, written(rested, tmp_path)))
+    found = examine_logs(case, written([turned(trial, 1) for trial in rested], tmp_path))
+    assert "torque sign" in [each.name for one in found for each in one.findings if each.severity == "error"]
 
 
 def test_right_logs_have_no_finding_together(trials: list[Trial], tmp_path: Path) -> None:

@@ -91,7 +91,8 @@ class Turned:
         name = joints[self.joint]
         zero = f"correct the angle where the encoder of {name} reads 0 (log: zero), by about {self.zero:.1f} rad"
         if self.is_zero:
-            return f"the weight fits about {self.zero:.1f} rad more at the encoder of {name}", zero
+            mounting = "or state how the arm is mounted (gravity: in the case file)"
+            return f"the weight fits about {self.zero:.1f} rad more at the encoder of {name}", f"{zero}; {mounting}"
         share = f"drive and friction leave {100 * self.left:.0f} % of what they leave of its torque as it is"
         evidence = f"{name} {_SEEN[self.kind]}: turned over, {share}"
         ways = [_REMEDY[kind].format(joints[joint]) for kind, joint in ((self.kind, self.joint), *self.others)]

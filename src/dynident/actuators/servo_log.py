@@ -21,6 +21,9 @@ _MOST_FAILED = 0.5
 #: A position is a failed read where it leaves the line through its neighbours by this many median steps and comes back.
 _SPIKE = 12.0
 
+#: Counts of the encoder beyond which one is.
+_COUNTS = 3.0
+
 #: Longest run of reads that fail.
 _LONGEST_RUN = 3
 
@@ -186,7 +189,8 @@ def rows_of(log: ServoLog, keep: BoolArray | slice) -> ServoLog:
 def _failed_reads(time: Array, q: Array) -> BoolArray:
     """Return which positions are missing, or leave the line between their neighbours and come back, up to three reads.
 
-    Far is by the usual steps of the reads that do not: many that fail would pass for these.
+    Far is by the usual steps of the reads that do not: many that fail would pass for these. It is more than three
+    counts of the encoder, between which a joint at rest goes to and fro.
     """
     failed = ~np.isfinite(q)
     sound = np.flatnonzero(~failed)
@@ -194,15 +198,18 @@ def _failed_reads(time: Array, q: Array) -> BoolArray:
         return failed
     t, x = time[sound], q[sound]
     steps = np.abs(np.diff(x))
+    counts = _COUNTS * float(np.min(steps[steps > 0.0], initial=np.inf))
+    if not np.isfinite(counts):
+        return failed
     runs = [_run(t, x, width) for width in range(1, _LONGEST_RUN + 1)]
     aside = np.zeros(len(x), dtype=bool)
     for width, away in enumerate(runs, start=1):
-        _mark(aside, away > _SPIKE * np.median(steps), width)
+        _mark(aside, away > max(_SPIKE * float(np.median(steps)), counts), width)
     whole = ~(aside[1:] | aside[:-1])
-    usual = max(float(np.quantile(steps[whole], 0.99)) if whole.any() else 0.0, 1e-9)
+    usual = float(np.quantile(steps[whole], 0.99)) if whole.any() else 0.0
     found = np.zeros(len(x), dtype=bool)
     for width, away in enumerate(runs, start=1):
-        _mark(found, away > _SPIKE * usual, width)
+        _mark(found, away > max(_SPIKE * usual, counts), width)
     failed[sound[found]] = True
     return failed
 

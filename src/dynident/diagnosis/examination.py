@@ -31,6 +31,12 @@ _STAGES = (0, 1, 2)
 #: Name of the finding of joints that are at rest in all of a log.
 STILL = "joint never moved"
 
+#: Name of the finding of those that other logs move.
+RESTS = "at rest in one log"
+
+#: Name of the finding of motions that determine too little, which those of logs with joints at rest do alone.
+POOR = "poor excitation"
+
 #: Errors that are gone once the safe repairs are made.
 _MENDABLE = ("values that are not finite", "repeated rows", "rows out of order", "encoder wrap")
 
@@ -110,23 +116,29 @@ def examine_logs(
         FileError: A file cannot be read at all.
     """
     recordings: list[Recording] = []
+    tests: list[bool] = []
     unreadable: dict[int, Examination] = {}
     for k, name in enumerate(names):
         progress(f"looking at {name}")
         try:
             recordings.append(read_recording(case, name))
+            tests.append(name in case.test and name not in case.train)
         except (LogFormatError, LogMismatch) as error:
             finding = Finding("error", "unreadable", "", error.evidence, error.step)
             left_out = "no check was made, the file is no table of the case"
             unreadable[k] = Examination(str(case.find(name)), (finding,), left_out)
-    found = iter(examine_recordings(case, recordings, earlier, len(names)))
+    found = iter(examine_recordings(case, recordings, earlier, len(names), tests))
     each = [unreadable[k] if k in unreadable else next(found) for k in range(len(names))]
     return (*each, *found)
 
 
 @one_blas_thread()
 def examine_recordings(
-    case: Case, recordings: Sequence[Recording], earlier: Estimate | None = None, total: int = 0
+    case: Case,
+    recordings: Sequence[Recording],
+    earlier: Estimate | None = None,
+    total: int = 0,
+    tests: Sequence[bool] = (),
 ) -> tuple[Examination, ...]:
     """Return what is wrong with each recording of a case, and then with those together that are alike.
 
@@ -137,10 +149,11 @@ def examine_recordings(
         recordings: One of each log.
         earlier: An estimate of the same robot, whose bodies take the place of the robot model's.
         total: How many logs there are with those that could not be read; 0 for those that are given.
+        tests: Whether each is one to test on, from which nothing is learned; empty for none.
     """
     checks = [CHECKS.make(name) for name in CHECKS.names()]
     seen = [_of_signals(checks, case, recording, earlier) for recording in recordings]
-    _tell_moved_by_others(seen)
+    _tell_moved_by_others(seen, [not test for test in tests] or [True] * len(seen))
     last = [check for check in checks if check.stage == _STAGES[-1]]
     parts = [_of_fits(last, group) for group in _groups([one for one in seen if not one.left_out])]
     _compare(case, parts)
@@ -163,6 +176,7 @@ class _ExaminedLog:
         found: Findings of the log.
         left_out: Why the checks that need a fit were left out; empty where they are made.
         others: Findings of the logs together of which it is one.
+        rests: Whether joints are at rest in all of it that other logs move: alone it determines too little.
     """
 
     subject: CheckedLog
@@ -170,6 +184,12 @@ class _ExaminedLog:
     found: list[Finding]
     left_out: str = ""
     others: Sequence[Finding] = ()
+    rests: bool = False
+
+    def leave_out(self) -> None:
+        """Say that no fit was looked at, as no other logs go with it and it determines too little alone."""
+        self.left_out = "checks that need a fit were left out: joints are at rest, and other logs do not go with it"
+        self.found = [replace(one, severity="warning") if one.name == RESTS else one for one in self.found]
 
     def examination(self) -> Examination:
         """Return what was found, less what findings of all logs together explain."""
@@ -206,16 +226,22 @@ class _PartOfLogs:
 def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> _PartOfLogs:
     """Add what fits show to the findings of some logs; return those of them that were fitted together."""
     pooled = pooled_logs([one.subject.thin for one in group]) if len(group) > 1 else AlikeLogs()
+    if pooled.fit is not None and not pooled.fit.rows.masks.any(axis=0).all():  # some joint is at rest in all of them
+        pooled = AlikeLogs()
     together = [group[k] for k in pooled.together]
     told: list[Finding] = []
     if pooled.fit is not None:
         before = [finding for one in together for finding in one.found]
         told = _of_stage(checks, replace(together[0].subject, pooled=pooled.fit), before)
+        told = [each for each in told if each.name != POOR or not any(one.rests for one in together)]
         for one in together:
             one.others = told
     apart = [k for k in range(len(group)) if k not in pooled.together]
     for k in apart:
-        group[k].found += _of_stage(checks, group[k].subject, group[k].found)
+        if group[k].rests:
+            group[k].leave_out()
+        else:
+            group[k].found += _of_stage(checks, group[k].subject, group[k].found)
     own = [finding for one in group for finding in one.found]
     why = _may_be_why(told if together else own)
     if not any(finding.severity == "error" for finding in (*own, *told)):  # else that is why logs differ
@@ -268,22 +294,24 @@ def _of_signals(checks: Sequence[Check], case: Case, recording: Recording, earli
     return _ExaminedLog(subject, repaired, found)
 
 
-def _tell_moved_by_others(seen: Sequence[_ExaminedLog]) -> None:
-    """Make a note of a joint that is at rest in one log and moves in another: all logs together determine it."""
+def _tell_moved_by_others(seen: Sequence[_ExaminedLog], learns: Sequence[bool]) -> None:
+    """Make a note of a joint that is at rest in one log and moves in another of those that are learned from."""
     still = [{name for each in one.found if each.name == STILL for name in each.joint.split(", ")} for one in seen]
+    there = zip(seen, still, learns, strict=True)
+    moving = [own for one, own, learn in there if learn and (own or not one.left_out)]
     for one, rests in zip(seen, still, strict=True):
-        moved = [not other.left_out or bool(own) for other, own in zip(seen, still, strict=True)]
-        if not rests or any(
-            not any(m and name not in own for m, own in zip(moved, still, strict=True)) for name in rests
-        ):
+        if not rests or not all(any(name not in own for own in moving) for name in rests):
             continue
         for k, found in enumerate(one.found):
             if found.name == STILL:
-                evidence, remedy = f"{found.evidence}; other logs move it", "nothing: the logs are fitted together"
+                evidence, remedy = (
+                    f"{found.evidence}; other logs move it",
+                    "logs are fitted and checked together where they agree; check the ones that do not",
+                )
                 numbers, explains = found.numbers, found.explains
-                one.found[k] = Finding("note", "at rest in one log", found.joint, evidence, remedy, numbers, explains)
+                one.found[k] = Finding("note", RESTS, found.joint, evidence, remedy, numbers, explains)
         if not any(found.severity == "error" and found.name not in _MENDABLE for found in one.found):
-            one.left_out = "checks that need a fit were left out: joints are at rest that other logs move"
+            one.left_out, one.rests = "", True
 
 
 def _unlike(case: Case, ratios: Array, others_agree: bool, why: bool) -> Finding:

@@ -38,9 +38,9 @@ MAX_COLUMNS = 4096
 CHUNK = 1 << 20
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
-#: Where a comment begins, which an error value of a spreadsheet does not; and a number with signs between thousands.
-_COMMENT = re.compile(r"#(?!N/A|DIV/0!|VALUE!|NUM!|REF!|NAME\?|NULL!)")
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?:[,' ]\d{3})+\.\d*|(?:[.' ]\d{3})+,\d*|([.,' ])\d{3}(?:\1\d{3})+)")
+#: Where a comment begins, which an error value of a spreadsheet (#N/A) does not; a number with signs between thousands.
+_COMMENT = re.compile(r"(?<![,;\t])#")
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?:[,'\s]\d{3})+\.\d*|(?:[.'\s]\d{3})+,\d*|([.,'\s])\d{3}(?:\1\d{3})+)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,12 +180,12 @@ class TextTable(LogTable):
         """Return what to do about a cell that is no number."""
         if re.match(r"\d+[-./:]\d+[-./:]\d", cell):
             return "write the time in seconds, or as in 2024-03-01T10:00:00.125 or 10:00:00.125 in every row"
+        if cell.startswith("#"):
+            return "leave the cell empty where a value is missing"
         if self.line is not None and line == self.line + 1 and not any(sign.isdigit() for sign in cell):
             return "if the row holds units, remove it and put them into the names, such as q1 [rad]"
         if _THOUSANDS.fullmatch(cell):
             return "write numbers without signs between the thousands (in Excel: format General)"
-        if cell.startswith("#"):
-            return "leave the cell empty where a value is missing"
         return 'with decimal: "," points are refused' if "." in cell and self.decimal == "," else "correct the cell"
 
 

@@ -53,7 +53,7 @@ class Sdf(ModelExporter):
             "gravity is that of the world, not of the model; the base link is free until the world holds it",
             "Gazebo passes over Drake's rotor inertia, Drake over friction; meshes are left out",
         ]
-        notes += [*base_note(subject), *between_note(subject, "SDF")]
+        notes += [*gravity_note(subject, "a model in SDF"), *base_note(subject), *between_note(subject, "SDF")]
         if any(joint.mimic is not None for joint in subject.model.robot.joints):
             notes.append("joints that follow another move freely: SDF 1.7 cannot say that they follow")
         left = left_out(drives, armature=True, coupled=False)
