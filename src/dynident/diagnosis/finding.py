@@ -21,6 +21,7 @@ CONSEQUENCES = (
     "torque delay",
     "time scale",
     "spring",
+    "rotor inertia",
     "counterbalance",
     "drift",
     "friction drift",

@@ -72,8 +72,8 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
             return None
         speed = float(np.sqrt(1.0 + 2.0 * blame.values[0]))
         return replace(blame, values=np.array([speed - 1.0]), covariance=blame.covariance / speed**2)
-    if blame.cause.name != "torque scale":
-        return blame
+    if blame.cause.name != "torque scale":  # an inertia below zero is that of no rotor
+        return blame if blame.cause.name != "rotor inertia" or blame.values[0] > 0.0 else None
     scale = scale_of(blame.cause.joint)
     if scale is None:
         value = float(blame.values[0])
@@ -132,6 +132,14 @@ def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
         evidence,
         "a spring or hose: model it, or subtract its torque before the fit (drives: bias subtracts a constant)",
     )
+
+
+def _rotor_inertia(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    unit = "kg" if _joint(blame, fit).kind == "prismatic" else "kg m^2"
+    evidence = (
+        f"the residual is proportional to the acceleration, {blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} {unit}"
+    )
+    return evidence, "add rotor_inertia to friction:, the inertia of a geared motor as its joint feels it"
 
 
 def _wave(blame: Blame) -> tuple[float, float, float]:
@@ -214,6 +222,7 @@ def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:
 
 _TEXTS: dict[str, Callable[[Blame, QuickFit], tuple[str, str]]] = {
     "spring": _spring,
+    "rotor inertia": _rotor_inertia,
     "counterbalance": _counterbalance,
     "drift": _drift,
     "friction drift": _friction_drift,

@@ -122,9 +122,10 @@ class Trends:
         clock = self.fit.clock(np.asarray(self._log.time))
         clock = (clock - clock.mean()) / max(float(np.ptp(clock)), 1e-9)
         sign, q = np.tanh(self._speed / rest_speeds(self.fit.model.robot, WIDTH)), np.asarray(self._log.q)
-        turn = (1.0 - sign**2) * (np.asarray(self._log.ddq) @ self._coupling.T)
         load = np.abs(self.fit.regressor.predict(self._log, self._bodies(self.fit.plain.beta)))
         told = judged(self.fit.rows.masks)
+        has_rotors = any(all(part.is_inertia) for part in self.fit.model.friction)
+        inertial = np.asarray(self._log.ddq) @ self._coupling.T
         for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
             if not told[i]:
                 continue
@@ -134,11 +135,14 @@ class Trends:
                 yield _cause(
                     "counterbalance", name, self._at_joint(i, np.sin(q[:, i])), self._at_joint(i, np.cos(q[:, i]))
                 )
+            if not has_rotors:
+                yield _cause("rotor inertia", name, self._at_drive(i, inertial[:, i]))
             speed = self._speed[:, i]
             size = np.abs(speed)
-            flank = speed * (1.0 - sign[:, i] ** 2)  # of a sign that is wider or narrower
+            turn = 1.0 - sign[:, i] ** 2
+            flank = speed * turn  # of a sign that is wider or narrower
             root, loaded = sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i]
-            curves = (speed * size, root, loaded, size, turn[:, i], flank)
+            curves = (speed * size, root, loaded, size, turn * inertial[:, i], flank)
             yield _cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
             yield Cause("torque scale", name, self._own_torque(i)[None], is_filtered=True)
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]

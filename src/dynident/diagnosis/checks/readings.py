@@ -25,9 +25,11 @@ from dynident.diagnosis.causes.couplings import best_coupling
 from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, degrees_off
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.robot_misfit import RobotMisfit, robot_misfit
+from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, robot_misfit
 from dynident.diagnosis.causes.several_scales import inverted_gains, several_scales
 from dynident.diagnosis.causes.torque_scales import other_scales, reading_of
+from dynident.diagnosis.causes.trend_findings import believed
+from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
@@ -76,8 +78,7 @@ class Readings(Check):
         elif scale:
             misfit = robot_misfit(fit, reading_of(fit, scale))
         else:
-            trends = subject.trends
-            misfit = robot_misfit(fit) if trends is None else robot_misfit(trends.fit, known=trends.blames)
+            misfit = robot_misfit(fit) if subject.trends is None else _beside_causes(subject.trends)
         known = found[0][1].gain if found else max((one.gain for one in other_scales(subject.scales)), default=0.0)
         found, misfit = _otherwise(positions, feeds, known, (found, misfit))
         if misfit.is_sure or ((found or scale) and misfit.is_suspected):
@@ -281,6 +282,15 @@ def _drives(fit: QuickFit, solved: Solved, signs: BoolArray, joint: int) -> bool
     """Return whether friction would drive the joint whose torque is turned: then its sign was right."""
     share, z = fit.friction_power(solved)
     return bool(feeding(share, z)[joint])
+
+
+def _beside_causes(trends: Trends) -> RobotMisfit:
+    """Return what is left beside the causes of a log; rotor inertias are taken in where they explain it."""
+    blames = [each for each in trends.blames if believed(each) is not None]
+    found = robot_misfit(trends.fit, known=blames)
+    if found.left <= LEFT or not any(each.cause.name == "rotor inertia" for each in blames):
+        return found
+    return robot_misfit(trends.fit, known=[each for each in blames if each.cause.name != "rotor inertia"])
 
 
 def _couplings(fit: QuickFit) -> Iterator[Interpretation]:
