@@ -263,7 +263,7 @@ def test_the_table_has_the_fastest_samples_and_what_was_not_tried(
     assert shown["degressive", "part"] == (format_number(100.0 * part.fastest, 2) if part.fastest else "–")
     reasons = {row[0]: row[-1] for row in missing.rows}
     assert reasons["load_stribeck"] == "only where load or load_directional is chosen"
-    for name, need in (("temperature", "temperatures"), ("warm_up", "logs of 120 s"), ("periodic", "the gear ratios")):
+    for name, need in (("temperature", "temperatures"), ("warm_up", "logs of 120 s"), ("periodic", "the cycles")):
         assert str(reasons[name]).startswith(f"not among the parts of the case; it needs {need}")
     assert "viscous" not in reasons and reasons["stribeck"] == "not among the parts of the case"
 

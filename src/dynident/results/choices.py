@@ -161,7 +161,7 @@ def _not_tried(found: Sequence[FieldChoice], model: DynamicModel | None) -> list
         needed = max((span.least_log for span in part.ranges.values() if span.is_duration), default=0.0)
         needs = f"; it needs logs of {needed:g} s and more" if needed else ""
         needs = "; it needs temperatures (log: columns: temperature)" if "temperature" in part.needs else needs
-        needs = "; add it with the cycle of the gear or motor (friction: periodic)" if part.cycle else needs
+        needs = "; it needs the cycles of gear or motor (friction: periodic: {cycles: ...})" if part.cycle else needs
         if (name := called(part)) not in known:
             rows.append((label(name), "all", WHOLE, "left out", f"not among the parts of the case{needs}"))
     return rows
