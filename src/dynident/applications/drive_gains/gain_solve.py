@@ -15,7 +15,6 @@ from dynident.applications.drive_gains.gravity import (
     STEPS,
     UPRIGHT,
     pulls,
-    turned,
     under,
     with_lean,
 )
@@ -26,6 +25,7 @@ from dynident.applications.drive_gains.verdicts import judged, share_remark
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
+from dynident.diagnosis.causes.trends import leaned
 from dynident.errors import BadOption
 from dynident.identification.problem.problem import Problem, counting_rows
 from dynident.identification.residuals.covariance import correlation_factors
@@ -162,7 +162,7 @@ class GainSolve:
             turn = replace(free, model=model)
             data = turn._data(runs.logs, loads, lean)
             fit = turn._solved(data)
-            gravity = turned(gravity, fit.z[-2:])
+            gravity = leaned(gravity, fit.z[-2:])
             if float(np.max(np.abs(fit.z[-2:]))) < (UPRIGHT if step == 0 else FOUND):
                 break
         return gravity, _misfit(data, fit)

@@ -15,8 +15,8 @@ import numpy as np
 from dynident.applications.drive_gains.unknowns import Unknowns
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
-from dynident.diagnosis.causes.trends import across_gravity
-from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.diagnosis.causes.quick_fit import gravity_observers
+from dynident.diagnosis.causes.trends import lean_torques, leaned
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 
@@ -33,13 +33,6 @@ UPRIGHT = 0.01
 LEAN = ("first angle of the lean", "second angle of the lean")
 
 
-def turned(gravity: Array, lean: Array) -> Array:
-    """Return gravity (3,) turned by small angles (2,) in rad towards the vectors across it, of the same size."""
-    size = float(np.linalg.norm(gravity))
-    found = gravity + size * np.asarray(lean) @ across_gravity(gravity)
-    return size * found / float(np.linalg.norm(found))
-
-
 def under(model: DynamicModel, gravity: Array) -> DynamicModel:
     """Return a model whose base stands otherwise, gravity (3,) in m/s^2."""
     return replace(model, robot=model.robot.with_gravity(gravity))
@@ -47,7 +40,7 @@ def under(model: DynamicModel, gravity: Array) -> DynamicModel:
 
 def base_in_any_direction(model: DynamicModel) -> BaseParameters:
     """Return the base parameters of the arm on a base in no special direction."""
-    return base_parameters(under(model, turned(np.asarray(model.robot.gravity), np.array(ODD))))
+    return base_parameters(under(model, leaned(np.asarray(model.robot.gravity), np.array(ODD))))
 
 
 def with_lean(unknowns: Unknowns) -> Unknowns:
@@ -77,14 +70,10 @@ def pulls(model: DynamicModel, base: BaseParameters, beta: Array, logs: Sequence
         beta: Shape (b,).
         logs: Preprocessed logs.
     """
-    gravity = np.asarray(model.robot.gravity)
-    axes = float(np.linalg.norm(gravity)) * across_gravity(gravity)
-    bodies = np.where(base.is_friction, 0.0, beta)
-    still, *along = (RegressorStream(under(model, each), base, any_gravity=True) for each in (np.zeros(3), *np.eye(3)))
-    found = []
+    gravity, bodies = np.asarray(model.robot.gravity), np.where(base.is_friction, 0.0, beta)
+    observers, found = gravity_observers(model, base), []
     for log in logs:
-        rest = still.predict(log.log, bodies)
-        torque = np.stack([each.predict(log.log, bodies) - rest for each in along], axis=-1) @ axes.T
+        torque = np.moveaxis(lean_torques(observers, log.log, bodies, gravity), 0, -1)
         count, joints, _ = torque.shape
         smooth = log.smooth(torque.reshape(count, -1).T).T[log.keep]
         found.append(smooth.reshape(-1, joints, 2))

@@ -145,10 +145,8 @@ class QuickFit:
 
     @cached_property
     def gravity_observers(self) -> tuple[RegressorStream, ...]:
-        """What makes the rows without gravity, and with one of 1 m/s^2 along each axis: rows are linear in it."""
-        fields = np.vstack([np.zeros(3), np.eye(3)])
-        robots = [self.model.robot.with_gravity(gravity) for gravity in fields]
-        return tuple(RegressorStream(replace(self.model, robot=robot), self.base, any_gravity=True) for robot in robots)
+        """See :func:`gravity_observers`."""
+        return gravity_observers(self.model, self.base)
 
     def rows_of(self, log: Log) -> FitRows:
         """Return the rows of another reading of the log."""
@@ -273,6 +271,12 @@ class QuickFit:
         return share, score
 
 
+def gravity_observers(model: DynamicModel, base: BaseParameters) -> tuple[RegressorStream, ...]:
+    """Return what makes the rows without gravity, and with one of 1 m/s^2 along each axis: rows are linear in it."""
+    robots = [model.robot.with_gravity(gravity) for gravity in (np.zeros(3), *np.eye(3))]
+    return tuple(RegressorStream(replace(model, robot=robot), base, any_gravity=True) for robot in robots)
+
+
 def in_order(order: Sequence[int]) -> Array:
     """Return the matrix that puts columns in an order, shape (n, n)."""
     return np.eye(len(order))[list(order)]
@@ -344,7 +348,12 @@ def _by_kind(part: Friction, robot: Robot) -> list[Friction]:
 
 def asks_inertia(case: Case) -> bool:
     """Return whether the friction of a case has a part for the inertia of rotors, or may choose one."""
-    return case.choose_friction or any(all(part.is_inertia) for part in case.friction)
+    return case.choose_friction or has_inertia(case.friction)
+
+
+def has_inertia(friction: Sequence[Friction]) -> bool:
+    """Return whether one of some friction parts is the inertia of rotors."""
+    return any(all(part.is_inertia) for part in friction)
 
 
 def beyond_quick_fit(case: Case) -> list[Friction]:

@@ -12,7 +12,7 @@ from dynident.case.evidence.torques import agrees
 from dynident.diagnosis.causes.cause_search import MANY, Blame
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
-from dynident.diagnosis.causes.trends import across_gravity
+from dynident.diagnosis.causes.trends import leaned
 from dynident.diagnosis.finding import Finding, Severity
 from dynident.model.robot import Joint
 
@@ -208,14 +208,10 @@ def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
 
 def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     gravity = np.asarray(fit.model.robot.gravity)
-    size = float(np.linalg.norm(gravity))
-    across = across_gravity(gravity)
     lean = blame.values[:2]
-    wanted = gravity + size * lean @ across
-    wanted *= size / np.linalg.norm(wanted)
     angle = np.degrees(np.arctan(np.linalg.norm(lean)))
     spread = np.degrees(np.linalg.norm(blame.half_widths[:2][lean != 0.0]))  # a planar arm tells one of the two
-    text = ", ".join(f"{value + 0.0:.4g}" for value in wanted)
+    text = ", ".join(f"{value + 0.0:.4g}" for value in leaned(gravity, lean))
     evidence = f"the base is tilted by {angle:.2g} +- {spread:.2g} degrees against the stated gravity"
     return evidence, f"level the base, or state its tilt (gravity: [{text}])"
 

@@ -9,13 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.data.log import Log
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_figures import figure_beside, figured
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import frame_errors
 from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.model_error import FitErrors, ModelError
-from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
+from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit, has_inertia
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream
 
@@ -124,7 +125,7 @@ class Trends:
         sign, q = np.tanh(self._speed / rest_speeds(self.fit.model.robot, WIDTH)), np.asarray(self._log.q)
         load = np.abs(self.fit.regressor.predict(self._log, self._bodies(self.fit.plain.beta)))
         told = judged(self.fit.rows.masks)
-        has_rotors = any(all(part.is_inertia) for part in self.fit.model.friction)
+        has_rotors = has_inertia(self.fit.model.friction)
         inertial = np.asarray(self._log.ddq) @ self._coupling.T
         for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
             if not told[i]:
@@ -189,10 +190,30 @@ class Trends:
 
     def _tilt(self, beta: Array) -> Cause:
         """Return the lean of the base about both axes across gravity; the first joint then carries its own link too."""
-        gravity = np.asarray(self.fit.model.robot.gravity)
-        still, *along = (regressor.predict(self._log, beta) for regressor in self._gravity)
-        pulls, size = np.stack(along) - still, float(np.linalg.norm(gravity))
-        return _cause("tilt", "", *(size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)))
+        return _cause(
+            "tilt", "", *lean_torques(self._gravity, self._log, beta, np.asarray(self.fit.model.robot.gravity))
+        )
+
+
+def lean_torques(observers: Sequence[RegressorStream], log: Log, beta: Array, gravity: Array) -> Array:
+    """Return the torques of bodies by a lean of the base about both axes across gravity, per radian, shape (2, N, n).
+
+    Args:
+        observers: See :func:`~.quick_fit.gravity_observers`.
+        log: The motion, of N samples.
+        beta: Base parameters of the bodies, shape (b,).
+        gravity: That which the base leans from, shape (3,), in m/s^2.
+    """
+    still, *along = (observer.predict(log, beta) for observer in observers)
+    pulls, size = np.stack(along) - still, float(np.linalg.norm(gravity))
+    return np.stack([size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)])
+
+
+def leaned(gravity: Array, lean: Array) -> Array:
+    """Return gravity (3,) turned by small angles (2,) in rad towards the vectors across it, of the same size."""
+    size = float(np.linalg.norm(gravity))
+    found = gravity + size * lean @ across_gravity(gravity)
+    return found * (size / float(np.linalg.norm(found)))
 
 
 def across_gravity(gravity: Array) -> Array:
