@@ -24,6 +24,7 @@ from dynident.data.formats import (
     written_columns,
 )
 from dynident.data.formats._live_table import live_rows
+from dynident.data.formats._text_table import open_table
 from dynident.data.formats.csv import Csv
 from dynident.data.log import Log
 from dynident.errors import BadOption, DynidentError, FileError, LogFormatError, LogMismatch, UnknownChoice
@@ -275,8 +276,8 @@ def test_every_fault_names_line_and_column(tmp_path, lines, message):
         (b"\n \n", ": the file is empty; record the log again"),
         (b"# a\n# b\n", ": only comments; give a header row and rows of numbers"),
         (b"t,q1\n0,\0\n", ":2: a binary file, not text; give a text file, or name its format"),
-        (b"t,q1\n0,1\n1,\xb0\n", ":3: the byte 0xb0 is not UTF-8 text; save it as CSV UTF-8"),
-        (b"t,q1\n0,1\n1,\xc2", ":3: the byte 0xc2 is not UTF-8 text; save it as CSV UTF-8"),
+        (b"t,q1,tau1\n0,1,1\n1,\xb0,1\n", ":3: column 'q1' holds '°', which is not a number; correct the cell"),
+        (b"t,q1,tau1\n0,1,1\n1,1,\xc2", ":3: column 'tau1' holds 'Â', which is not a number; correct the cell"),
         (
             b"t,q\x1b[31m\n" + b"0,1\n" * 12,
             ":1: no column 'q1'; the header has t, q\\x1b[31m; " + MAPPED,
@@ -294,11 +295,23 @@ def test_files_that_are_no_text_table(tmp_path, content, message):
     assert str(caught.value) == f"{path}{message}"
 
 
+@pytest.mark.parametrize("sign", [".", ","])
+def test_a_header_in_windows_1252_is_read_and_noted(tmp_path, sign):
+    path = tmp_path / "run.csv"
+    rows = "".join(f"{k};{k}{sign}5\n" for k in range(80))
+    path.write_bytes(("# Prüfstand\nt [s];q1 [°]\n" + rows).encode("cp1252"))
+    table = open_table(path, sign)
+    assert table.header == ("t [s]", "q1 [°]") and "read as Windows-1252" in table.how
+    np.testing.assert_array_equal(table.columns(["q1 [°]"])[:, 0], np.arange(80) + 0.5)
+    path.write_text("# Prüfstand\nt [s];q1 [°]\n" + rows, encoding="utf-8")
+    assert "Windows" not in open_table(path, sign).how
+
+
 def test_a_foreign_byte_far_into_the_file_is_found_across_blocks(tmp_path, monkeypatch):
     monkeypatch.setattr(_text_table, "CHUNK", 7)
     path = tmp_path / "run.csv"
-    path.write_bytes("# °C °C °C\nt,q1\n".encode() + b"0.1,1\n" * 9 + b"0.2,\xe9\n")
-    with pytest.raises(LogFormatError, match=r":12: the byte 0xe9 is not UTF-8"):
+    path.write_bytes("# °C °C °C\nt,q1,tau1\n".encode() + b"0.1,1,1\n" * 9 + b"0.2,0.2\xe9,1\n")
+    with pytest.raises(LogFormatError, match=r":12: column 'q1' holds '0.2é', which is not a number"):
         read_log(path)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.evidence.rows import MOST_LOST
 from dynident.data.formats import read_log, write_log, written_columns
-from dynident.data.formats._text_header import ENCODING, cells_of
+from dynident.data.formats._text_header import cells_of, opened
 from dynident.data.formats._text_table import TextTable
 from dynident.data.formats._units import converted
 from dynident.data.formats.csv import Csv
@@ -84,7 +84,7 @@ def _lines(repaired: Repaired) -> Iterator[str]:
     """Yield the lines of a text after the repairs: what stands before its rows, and the rows that are left."""
     table = repaired.recording.table
     assert isinstance(table, TextTable)
-    with open(table.path, encoding=ENCODING) as stream:
+    with opened(table.path) as stream:
         for line in islice(stream, table.before):
             yield line.rstrip("\r\n")
     texts = [text for _, text in table.rows()]

@@ -10,9 +10,8 @@ from dynident.results.text import Column, Table, format_number, format_percent, 
 
 def followed_line(proof: MotionProof) -> str:
     """Return which motion was followed."""
-    return (
-        f"motion: {proof.duration:.3g} s of {label(proof.log)} from {proof.start:.4g} s on, low-pass filtered at 10 Hz"
-    )
+    start = f"{round(proof.start, 3):.13g}"  # seconds since 1970 have ten digits before the point
+    return f"motion: {proof.duration:.3g} s of {label(proof.log)} from {start} s on, low-pass filtered at 10 Hz"
 
 
 def runs_table(proof: MotionProof) -> Table:

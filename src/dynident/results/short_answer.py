@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,7 +19,6 @@ from dynident.results.text import (
     Column,
     Table,
     counted,
-    display_width,
     format_number,
     format_percent,
     label,
@@ -36,6 +36,9 @@ CURVE = "friction curve"
 
 #: Joints and warnings that one screen has room for.
 JOINTS, WARNINGS = 9, 4
+
+#: Lines of a warning at most.
+LINES = 2
 
 
 def error_lines(estimate: Estimate, test: Validation | None) -> list[str]:
@@ -228,19 +231,23 @@ def checks_line(estimate: Estimate) -> str:
 
 
 def warning_lines(warnings: Sequence[str], width: int) -> list[str]:
-    """Return warnings of one line each, as many as a screen has room for; the last line counts the rest."""
-    lines = [_clauses(f"warning: {text}", width) for text in warnings[:WARNINGS]]
-    left = len(warnings) - len(lines)
+    """Return warnings of two lines each at most, as many as a screen has room for; the last line counts the rest."""
+    lines = [line for text in warnings[:WARNINGS] for line in _clauses(f"warning: {text}", width)]
+    left = len(warnings) - WARNINGS
     return [*lines, f"and {counted(left, 'more warning')}"] if left > 0 else lines
 
 
-def _clauses(text: str, width: int) -> str:
-    """Return as many whole clauses of a text as have room; one that has none is cut."""
-    if display_width(text) <= width:
-        return text
+def _clauses(text: str, width: int) -> list[str]:
+    """Return as many whole clauses of a text as two lines have room for; one that has none is cut."""
     ends = [match.start() for match in re.finditer(r"[;:,] |\. | \(", text)]
-    kept = [text[:end] for end in ends if end > len("warning: ") and display_width(text[:end]) < width - 1]
-    return f"{kept[-1]} …" if kept else shorten(text, width)
+    whole = [
+        text[:end] for end in ends if end > len("warning: ") and text.count("(", 0, end) == text.count(")", 0, end)
+    ]
+    for shown in (text, *(f"{kept} …" for kept in reversed(whole))):
+        lines = textwrap.wrap(shown, width, subsequent_indent="  ", break_on_hyphens=False)
+        if len(lines) <= LINES:
+            return lines
+    return [shorten(text, width)]
 
 
 def verdict_line(verdict: Verdict) -> str:

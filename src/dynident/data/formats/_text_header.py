@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TextIO
 
 from dynident.errors import LogFormatError
 
-ENCODING = "utf-8-sig"
+#: Bytes that are not UTF-8 are those of Windows-1252, in which much software on Windows writes units such as °.
+_WINDOWS = "windows"
+codecs.register_error(_WINDOWS, lambda bad: (bad.object[bad.start : bad.end].decode("cp1252", "replace"), bad.end))
 
 #: Delimiters in the order in which a header is searched for them; None splits at blanks and tabs.
 DELIMITERS: dict[str | None, str] = {"\t": "tab", ";": "semicolon", ",": "comma", None: "space"}
@@ -136,6 +140,11 @@ def headless(path: str | Path, decimal: str, names: Sequence[str]) -> TextLayout
     return TextLayout(first.number, tuple(names), delimiter, first.number - 1, note=", its columns named by the case")
 
 
+def opened(path: str | Path) -> TextIO:
+    """Return the text of a file; bytes that are not UTF-8 are read as Windows-1252."""
+    return open(path, encoding="utf-8-sig", errors=_WINDOWS)
+
+
 def cells_of(text: str, delimiter: str | None) -> list[str]:
     """Return the cells of one line, quotes taken off."""
     if '"' not in text:
@@ -201,7 +210,7 @@ def _first_lines(path: str | Path) -> tuple[list[_Line], _Line | None, str | Non
     found: list[_Line] = []
     comment: _Line | None = None
     stated: str | None = None
-    with open(path, encoding=ENCODING) as stream:
+    with opened(path) as stream:
         number = 0
         while len(found) < _SEARCHED and (line := stream.readline(_MAX_LINE)):
             number += 1

@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import ClassVar, TextIO
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,13 +19,13 @@ from dynident.arrays import Array
 from dynident.data.formats._column_map import shown
 from dynident.data.formats._text_header import (
     DELIMITERS,
-    ENCODING,
     NUMBER,
     TextLayout,
     cells_of,
     find_header,
     headless,
     is_stamp,
+    opened,
     seconds_of,
 )
 from dynident.data.formats.base import TOO_LARGE, Blocks, LogTable, check_size
@@ -78,7 +78,7 @@ class TextTable(LogTable):
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
         """Yield some columns in blocks; see :meth:`LogTable.batches`."""
         wanted, some = [self.header.index(name) for name in names], False
-        with _opened(self.path) as stream:
+        with opened(self.path) as stream:
             rest, number = islice(stream, self.before, None), self.before
             while lines := list(islice(rest, rows)):
                 values = self._parsed(lines, number, wanted)
@@ -103,9 +103,8 @@ class TextTable(LogTable):
         stamps = dict[int | str, Callable[[str], float]]((self.header.index(n), seconds_of) for n in self.time_stamps)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
-            values = np.loadtxt(
-                source, delimiter=self.delimiter, skiprows=before, encoding=ENCODING, ndmin=2, converters=stamps or None
-            )
+            how = {"delimiter": self.delimiter, "converters": stamps or None, "ndmin": 2}
+            values = np.loadtxt(source, skiprows=before, encoding="latin-1", **how)
         if len(values) and values.shape[1] != len(self.header):
             raise ValueError(f"{values.shape[1]} cells, {len(self.header)} names")
         return values if len(values) else np.empty((0, len(self.header)))
@@ -122,7 +121,7 @@ class TextTable(LogTable):
         """Return all cells, or raise ValueError for the first that is not a number or a ragged row."""
         if self.decimal == ".":
             return self._loaded(str(Path(self.path)), self.before)
-        with _opened(self.path) as stream:
+        with opened(self.path) as stream:
             return self._loaded(self._with_points(islice(stream, self.before, None)))
 
     def _with_points(self, lines: Iterable[str]) -> Iterator[str]:
@@ -133,7 +132,7 @@ class TextTable(LogTable):
 
     def rows(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of the lines that hold a row: not blank, not only a comment."""
-        with _opened(self.path) as stream:
+        with opened(self.path) as stream:
             yield from self.held(islice(enumerate(stream, 1), self.before, None))
 
     def held(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
@@ -199,15 +198,15 @@ def open_table(path: str | Path, decimal: str = ".", names: Sequence[str] = ()) 
 
     Raises:
         FileError: The file cannot be read at all.
-        LogFormatError: It is too large, binary, not UTF-8 or empty, or its first row is no header of unique names.
+        LogFormatError: It is too large, binary or empty, or its first row is no header of unique names.
     """
-    digest = check_text(path, MOST_BYTES)
+    digest, encoding = check_text(path, MOST_BYTES)
     try:
         layout = headless(path, decimal, names) if names else find_header(path, decimal)
     except OSError as error:
         raise unreadable(path, error) from error
     _check_header(path, layout)
-    how = f"{DELIMITERS[layout.delimiter]}-separated text, decimal '{decimal}'"
+    how = f"{DELIMITERS[layout.delimiter]}-separated text, decimal '{decimal}'{encoding}"
     table = TextTable(
         path=str(path),
         sha256=digest,
@@ -228,12 +227,12 @@ def stamped(header: Sequence[str], cells: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name, cell in zip(header, cells, strict=False) if is_stamp(cell))
 
 
-def check_text(path: str | Path, most: int = MAX_BYTES) -> str:
-    """Return the hash of an ordinary file of UTF-8 text of at most ``most`` bytes.
+def check_text(path: str | Path, most: int = MAX_BYTES) -> tuple[str, str]:
+    """Return the hash of an ordinary file of text of at most ``most`` bytes, and a remark where it is not UTF-8.
 
     Raises:
         FileError: It cannot be read at all.
-        LogFormatError: It is too large, binary or not UTF-8.
+        LogFormatError: It is too large or binary.
     """
     check_size(path, most, "split it into several logs")
     try:
@@ -242,31 +241,24 @@ def check_text(path: str | Path, most: int = MAX_BYTES) -> str:
         raise unreadable(path, error) from error
 
 
-def _check_bytes(path: str | Path) -> str:
-    """Return the hash of a file that holds UTF-8 text."""
-    digest, decoder, line = hashlib.sha256(), codecs.getincrementaldecoder("utf-8")(), 1
-    chunk = b"start"
+def _check_bytes(path: str | Path) -> tuple[str, str]:
+    digest, decoder, line, note = hashlib.sha256(), codecs.getincrementaldecoder("utf-8")(), 1, ""
     with open(path, "rb") as stream:
-        start = stream.read(4)
-        if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        if stream.read(2) in (b"\xff\xfe", b"\xfe\xff"):
             raise LogFormatError(path, 1, "UTF-16 text, not UTF-8", "save it as CSV UTF-8")
         stream.seek(0)
-        while chunk:  # the empty last one tells the decoder that nothing follows
-            chunk = stream.read(CHUNK)
+        while chunk := stream.read(CHUNK):
             digest.update(chunk)
             at = chunk.find(b"\0")
             if at >= 0:
                 where = line + chunk.count(b"\n", 0, at)
                 raise LogFormatError(path, where, "a binary file, not text", "give a text file, or name its format")
             try:
-                decoder.decode(chunk, final=not chunk)
-            except UnicodeDecodeError as error:
-                before = len(error.object) - len(chunk)  # bytes kept from the chunk before
-                where = line + chunk.count(b"\n", 0, max(0, error.start - before))
-                evidence = f"the byte 0x{error.object[error.start]:02x} is not UTF-8 text"
-                raise LogFormatError(path, where, evidence, "save it as CSV UTF-8") from error
+                decoder.decode(b"" if note else chunk)
+            except UnicodeDecodeError:
+                note = ", read as Windows-1252"
             line += chunk.count(b"\n")
-    return digest.hexdigest()
+    return digest.hexdigest(), note
 
 
 def _check_header(path: str | Path, layout: TextLayout) -> None:
@@ -282,7 +274,3 @@ def _check_header(path: str | Path, layout: TextLayout) -> None:
         if name and header.count(name) > 1:
             evidence = f"{header.count(name)} columns are called '{shown(name)}'"
             raise LogFormatError(path, line, evidence, "give each column a name of its own")
-
-
-def _opened(path: str | Path) -> TextIO:
-    return open(path, encoding=ENCODING)

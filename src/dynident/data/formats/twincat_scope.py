@@ -12,7 +12,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.formats._alignment import TIME, Series, aligned, chosen
 from dynident.data.formats._column_map import shown
-from dynident.data.formats._text_header import DELIMITERS, ENCODING, NUMBER, cells_of
+from dynident.data.formats._text_header import DELIMITERS, NUMBER, cells_of, opened
 from dynident.data.formats._text_table import check_text
 from dynident.data.formats.base import LogFormat, LogTable
 from dynident.errors import BadOption, LogFormatError
@@ -79,7 +79,7 @@ class ScopeTable(LogTable):
         return np.array(found, dtype=np.float64).reshape(len(found), 2 * len(places))
 
     def _rows(self) -> Iterator[tuple[int, str]]:
-        with open(self.path, encoding=ENCODING) as stream:
+        with opened(self.path) as stream:
             for number, line in enumerate(stream, 1):
                 text = line.rstrip("\r\n")
                 if number > self.before and text.strip() and text.strip() != "EOF":
@@ -117,7 +117,7 @@ class TwincatScope(LogFormat):
 
     def open(self, path: str | Path) -> ScopeTable:
         """Return the table; see :meth:`LogFormat.open`."""
-        digest = check_text(path)
+        digest, encoding = check_text(path)
         number, cells, delimiter = _names(path)
         channels = [name.strip() for name in cells[1::2]]
         twice = [name for name in channels if channels.count(name) > 1]
@@ -129,7 +129,7 @@ class TwincatScope(LogFormat):
             path=str(path),
             sha256=digest,
             header=(TIME, *channels),
-            how=f"TwinCAT Scope export, decimal '{self.decimal}'",
+            how=f"TwinCAT Scope export, decimal '{self.decimal}'{encoding}",
             line=number,
             places={name: 2 * k for k, name in enumerate(channels)},
             delimiter=delimiter,
@@ -140,7 +140,7 @@ class TwincatScope(LogFormat):
 
 def _names(path: str | Path) -> tuple[int, list[str], str]:
     """Return line, cells and separator of the names of the channels: ``Name;a;Name;b``, the second line of names."""
-    with open(path, encoding=ENCODING) as stream:
+    with opened(path) as stream:
         seen = 0
         for number, line in enumerate(stream, 1):
             text = line.rstrip("\r\n")
@@ -158,7 +158,7 @@ def _names(path: str | Path) -> tuple[int, list[str], str]:
 
 def _header_end(path: str | Path, names: int) -> int:
     """Return the line of the first blank line after the names of the channels."""
-    with open(path, encoding=ENCODING) as stream:
+    with opened(path) as stream:
         for number, line in enumerate(stream, 1):
             if number > names and not line.strip(" \t;,\r\n"):
                 return number
