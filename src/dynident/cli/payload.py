@@ -84,11 +84,11 @@ def run(options: argparse.Namespace) -> int:
         facts = {**found.figures(), "vendors": forms, "vendors_have_inertia": bool(forms) and found.inertia_known}
         console.answer_json(facts)
     else:
-        _show(found, forms)
+        _show(found, forms, is_weighed=bool(options.mass) and not options.mass_std)
     return 0 if found.placed else 1
 
 
-def _show(found: CarriedLoad, forms: dict[str, str]) -> None:
+def _show(found: CarriedLoad, forms: dict[str, str], *, is_weighed: bool) -> None:
     from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
 
@@ -97,6 +97,8 @@ def _show(found: CarriedLoad, forms: dict[str, str]) -> None:
         shown = (MISSING, MISSING)
         if one.label != "not determined":
             shown = (format_value(one.value, one.half_width)[0], format_number(one.half_width, 2))
+        if one is found.mass and is_weighed:
+            shown = (format_number(one.value, 4), "stated")
         rows.append((one.name, *shown, pretty_unit(one.unit), one.label))
     columns = (
         Column("parameter"),

@@ -15,7 +15,6 @@ from dynident.errors import LogFormatError
 
 #: Bytes that are not UTF-8 are those of Windows-1252, in which much software on Windows writes units such as °.
 _WINDOWS = "windows"
-codecs.register_error(_WINDOWS, lambda bad: (bad.object[bad.start : bad.end].decode("cp1252", "replace"), bad.end))
 
 #: Delimiters in the order in which a header is searched for them; None splits at blanks and tabs.
 DELIMITERS: dict[str | None, str] = {"\t": "tab", ";": "semicolon", ",": "comma", None: "space"}
@@ -38,6 +37,14 @@ _SEARCHED = 64
 
 #: What spreadsheets write in the first line to name the separator.
 _SEPARATOR = re.compile(r"sep=(.)", re.IGNORECASE)
+
+
+def _as_windows(bad: UnicodeError) -> tuple[str, int]:
+    assert isinstance(bad, UnicodeDecodeError)
+    return bad.object[bad.start : bad.end].decode("cp1252", "replace"), bad.end
+
+
+codecs.register_error(_WINDOWS, _as_windows)
 
 
 @dataclass(frozen=True)

@@ -244,9 +244,8 @@ def check_text(path: str | Path, most: int = MAX_BYTES) -> tuple[str, str]:
 def _check_bytes(path: str | Path) -> tuple[str, str]:
     digest, decoder, line, note = hashlib.sha256(), codecs.getincrementaldecoder("utf-8")(), 1, ""
     with open(path, "rb") as stream:
-        if stream.read(2) in (b"\xff\xfe", b"\xfe\xff"):
+        if stream.peek(2)[:2] in (b"\xff\xfe", b"\xfe\xff"):
             raise LogFormatError(path, 1, "UTF-16 text, not UTF-8", "save it as CSV UTF-8")
-        stream.seek(0)
         while chunk := stream.read(CHUNK):
             digest.update(chunk)
             at = chunk.find(b"\0")

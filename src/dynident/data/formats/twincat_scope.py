@@ -118,7 +118,7 @@ class TwincatScope(LogFormat):
     def open(self, path: str | Path) -> ScopeTable:
         """Return the table; see :meth:`LogFormat.open`."""
         digest, encoding = check_text(path)
-        number, cells, delimiter = _names(path)
+        number, cells, delimiter, before = _header(path)
         channels = [name.strip() for name in cells[1::2]]
         twice = [name for name in channels if channels.count(name) > 1]
         if twice or TIME in channels:
@@ -134,32 +134,29 @@ class TwincatScope(LogFormat):
             places={name: 2 * k for k, name in enumerate(channels)},
             delimiter=delimiter,
             decimal=self.decimal,
-            before=_header_end(path, number),
+            before=before,
         )
 
 
-def _names(path: str | Path) -> tuple[int, list[str], str]:
-    """Return line, cells and separator of the names of the channels: ``Name;a;Name;b``, the second line of names."""
+def _header(path: str | Path) -> tuple[int, list[str], str, int]:
+    """Return line, cells and separator of the names of the channels, and the line of the blank one after them.
+
+    The names are the second line ``Name;a;Name;b``.
+    """
+    names, seen = None, 0
     with opened(path) as stream:
-        seen = 0
         for number, line in enumerate(stream, 1):
             text = line.rstrip("\r\n")
-            if text.startswith("Name"):
+            if names is not None and not text.strip(" \t;,"):
+                return *names, number
+            if names is None and text.startswith("Name"):
                 seen += 1
                 delimiter = next((sign for sign in DELIMITERS if sign is not None and f"Name{sign}" in text), None)
                 if seen == 2 and delimiter is not None:
                     cells = cells_of(text, delimiter)
                     if set(map(str.strip, cells[::2])) <= {"Name", ""} and len(cells) > 1:
-                        return number, cells[: 2 * (len(cells) // 2)], delimiter
-            if number > _HEADER_LINES:
+                        names = number, cells[: 2 * (len(cells) // 2)], delimiter
+            if names is None and number > _HEADER_LINES:
                 break
-    raise LogFormatError(path, None, "no header of a TwinCAT Scope export", _STEP)
-
-
-def _header_end(path: str | Path, names: int) -> int:
-    """Return the line of the first blank line after the names of the channels."""
-    with opened(path) as stream:
-        for number, line in enumerate(stream, 1):
-            if number > names and not line.strip(" \t;,\r\n"):
-                return number
-    raise LogFormatError(path, names, "a header and no rows", _STEP)
+    why = "no header of a TwinCAT Scope export" if names is None else "a header and no rows"
+    raise LogFormatError(path, None if names is None else names[0], why, _STEP)
