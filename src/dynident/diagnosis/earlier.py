@@ -59,7 +59,10 @@ def check_same(estimate: Estimate, model: DynamicModel, name: str) -> None:
     theirs = set(estimate.base.names) - set(ours.names)
     differs = min(theirs or set(ours.names) - set(estimate.base.names) or {"the joints"})
     evidence = f"an estimate of other base parameters ({estimate.base.count} beside {ours.count}, such as {differs})"
-    raise BadOption(name, evidence, "give the robot, locked joints and friction with which it was identified")
+    step = "give the robot, locked joints and friction with which it was identified"
+    if set(model.robot.joint_names) < set(estimate.model.robot.joint_names):
+        step += ", or the robot model that 'dynident export' writes from it, the other joints locked"
+    raise BadOption(name, evidence, step)
 
 
 def prior_of_logs(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) -> tuple[Prior, Array]:
