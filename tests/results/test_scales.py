@@ -69,6 +69,12 @@ def test_log_scales_hold_the_data_and_have_round_ticks(low: float, ratio: float)
         assert float(f"{tick.value:.6e}".split("e")[0]) in (1.0, 2.0, 5.0)
 
 
+@pytest.mark.parametrize("ends", [(0.6, 19.4), (0.0, 10.0), (0.62, 5.1), (2.1, 2.9), (-0.7, 0.8)])
+def test_a_short_axis_has_two_ticks(ends: tuple[float, float]) -> None:
+    assert 2 <= len(Linear(*ends, 0.0, 90.0).ticks(64.0)) <= 4
+    assert 5 <= len(Linear(*ends, 0.0, 640.0).ticks(64.0)) <= 11
+
+
 def test_places() -> None:
     assert Linear(0.0, 10.0, 100.0, 0.0).at(np.array([0.0, 2.5, 10.0])).tolist() == [100.0, 75.0, 0.0]
     places = LogScale(1.0, 100.0, 0.0, 10.0).at(np.array([1.0, 10.0, 100.0, 0.0, -3.0]))

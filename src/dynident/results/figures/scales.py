@@ -53,8 +53,11 @@ class Linear(AxisScale):
         return self.start + share * (self.end - self.start)
 
     def ticks(self, spacing: float) -> tuple[Tick, ...]:
-        step = self.step or round_step((self.high - self.low) / max(abs(self.end - self.start) / spacing, 1.0))
-        first, last = np.ceil(self.low / step - 1e-6), np.floor(self.high / step + 1e-6)
+        ways = [max(abs(self.end - self.start) / (spacing * share), 1.0) for share in (1.0, 0.7, 0.5, 0.35, 0.25)]
+        for step in [self.step] if self.step else [round_step((self.high - self.low) / way) for way in ways]:
+            first, last = np.ceil(self.low / step - 1e-6), np.floor(self.high / step + 1e-6)
+            if last > first:  # two ticks at least
+                break
         return tuple(Tick(k * step, write_tick(k * step, step)) for k in np.arange(first, last + 1))
 
 
