@@ -25,6 +25,7 @@ from dynident.identification.consistency.plausible_fit import (
 from dynident.identification.estimate.plausibility import TOTAL_MASS, Plausibility
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.estimators.wls import WLS
+from dynident.identification.fit import fit
 from dynident.identification.problem.method_run import recorded_run
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.quantiles import chi_square_quantile
@@ -35,6 +36,7 @@ from dynident.model.inertia import Inertia
 from dynident.model.plausible import plausible_constraints, uniform_body
 from dynident.model.robot import Joint, Link, Robot
 from dynident.model.shapes import Sphere
+from dynident.results.plausibility import contradiction
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
 
@@ -200,6 +202,37 @@ def test_a_body_that_its_own_shapes_exclude_gives_way_where_data_are_exact(
     np.testing.assert_allclose(found.fit.theta, truth, rtol=1e-5, atol=1e-6)
     again = plausible_fit(problem, weights_of(problem), 0.01, 1e-8, found.facts)
     np.testing.assert_allclose(again.fit.theta, found.fit.theta, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("load", [(), ("load",)])
+def test_a_size_that_its_own_body_widens_gives_way_too(
+    spatial_3r: Robot, exact_log: MakeLog, load: tuple[str, ...]
+) -> None:
+    """The nominal body is thinner than links of its shape are, the true one reaches far beyond both.
+
+    A size that has room for the nominal body is no less in the way of the data than others are. With load friction the
+    error of bodies that it holds would go on to the load.
+    """
+    body = spatial_3r.links[2].inertia
+    assert body is not None
+    flat = Inertia.from_centre_of_mass(body.mass, body.centre_of_mass, body.mass * np.diag([1e-4, 0.02, 0.02]))
+    links = (
+        *spatial_3r.links[:2],
+        replace(spatial_3r.links[2], inertia=flat, shapes=(Sphere(0.1, body.centre_of_mass),)),
+    )
+    far = Inertia.from_centre_of_mass(body.mass, body.centre_of_mass + 0.5 * np.eye(3)[0], body.mass * 0.02 * np.eye(3))
+    model = DynamicModel(replace(spatial_3r, links=links), tuple(map(FRICTION.make, ("coulomb", "viscous", *load))))
+    true = replace(model, robot=without_inertia(spatial_3r, 2, far))
+    assert true.robot.nominal is not None
+    theta = np.append(true.robot.nominal, np.tile([1.0, 1.0, 0.1][: 2 + len(load)], 3))
+    log = exact_log(true, theta, noise=0.01 * np.std(np.asarray(exact_log(true, theta).torque), axis=0))
+    problem = build_problem(model, [log], GIVEN)
+    bounded, free = (fit(problem, Consistent(bodies=bodies)) for bodies in ("plausible", "free"))
+    assert bounded.train.total_relative_error < 1.02 * free.train.total_relative_error
+    facts = Plausibility.of(bounded.run)
+    assert facts is not None
+    assert [(one.name, one.bound, one.is_relaxed) for one in facts.contradicted] == [("link3", "wider size", True)]
+    assert contradiction(facts.contradicted[0]).startswith("wider size of link3: the data contradict it")
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

@@ -131,7 +131,7 @@ def cost_line(test: Validation | None, is_default: bool) -> str:
 def contradiction(found: ContradictedBound) -> str:
     """Return how the data contradict a bound, and what became of it."""
     fate = "its bound is relaxed" if found.is_relaxed else "the stated bound is kept: check it"
-    if found.bound == "size" and found.is_relaxed:
+    if found.bound != "mass" and found.is_relaxed:
         fate += "; check the inertia of the link in the robot model, and its shapes (without any the size is assumed)"
     numbers = f"chi-square {format_number(found.statistic, 3)} > {format_number(found.limit, 3)}"
     gain = f"training error {format_number(100 * found.gain, 2)} % lower without the bound"

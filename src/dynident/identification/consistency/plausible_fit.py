@@ -25,7 +25,7 @@ lighter than links are, an inertia that is a placeholder, by the uniform body of
 A mass range or a size is contradicted where the cost without it is lower by more than a quantile of chi-square at 5 %
 over all of them (Bonferroni), the cost of each joint over its correlation factor; with one degree of freedom for a mass
 and ten, the parameters of a link, for a size. What the user states is named and kept. A size that the link's own
-nominal body breaks is widened to hold that body where it is contradicted.
+nominal body breaks is widened to hold that body where it is contradicted, and tested once more as it is then.
 """
 
 from __future__ import annotations
@@ -306,10 +306,10 @@ def _contradicted(
     gives way for them.
     """
     start, stated, doubtful = bounds, _stated(setting.problem), [(name, "size") for name in setting.wider]
-    tested = [(name, "mass") for name in _ranges(bounds)] + [(name, "size") for name in bounds.links]
-    others = [key for key in tested if key not in doubtful]
+    others = [(name, "mass") for name in _ranges(bounds)]
+    others += [(name, "wider size" if name in setting.wider else "size") for name in bounds.links]
     level = 1.0 - (1.0 - LEVEL) / len(doubtful + others)
-    limits = {"mass": chi_square_quantile(level, 1), "size": chi_square_quantile(level, 10)}
+    limits = {bound: chi_square_quantile(level, 1 if bound == "mass" else 10) for _, bound in doubtful + others}
     found: dict[tuple[str, str], ContradictedBound] = {}
     for group in (doubtful, others):
         while active := [key for key in _at_bound(setting, bounds, group, inner) if key not in found]:
@@ -350,20 +350,20 @@ def _ranges(bounds: Constraints) -> dict[str, ValueRange]:
 
 def _stated(problem: Problem) -> set[tuple[str, str]]:
     """Return the masses and sizes that the user states: they are kept."""
-    found = {(name, "mass") for name in _ranges(problem.constraints)}
-    sizes = {name: (body.body_ellipsoid, body.body_box) for name, body in problem.constraints.links.items()}
-    return found | {(name, "size") for name, size in sizes.items() if any(part is not None for part in size)}
+    found, links = {(name, "mass") for name in _ranges(problem.constraints)}, problem.constraints.links.items()
+    sized = [name for name, body in links if body.body_ellipsoid is not None or body.body_box is not None]
+    return found | {(name, bound) for name in sized for bound in ("size", "wider size")}
 
 
 def _without(bounds: Constraints, keys: Iterable[tuple[str, str]], wider: Mapping[str, BodyConstraints]) -> Constraints:
-    """Return the bounds without these; a size in ``wider`` is that of there, with its thickness."""
+    """Return the bounds without these; a size in ``wider`` is that of there first, with its thickness."""
     links, total = dict(bounds.links), bounds.total_mass
     for name, bound in keys:
         if name == TOTAL_MASS:
             total = ValueRange()
         elif bound == "mass":
             links[name] = replace(links[name], mass=ValueRange())
-        elif name in wider:
+        elif bound == "size" and name in wider:
             size, thickness = wider[name].body_ellipsoid, wider[name].thickness
             links[name] = replace(links[name], body_ellipsoid=size, thickness=thickness, quadrics=())
         else:
@@ -382,12 +382,12 @@ def _at_bound(
     masses[TOTAL_MASS] = sum(masses.values())
     ranges, found = _ranges(bounds), []
     for name, bound in tested:
-        if bound == "size":
-            is_at = name in setting.wider or _room(bounds.links[name], bodies[name]) < _AT_BOUND * masses[name]
-        else:
+        if bound == "mass":
             own = ranges.get(name, ValueRange())
             is_at = not own.low * (1.0 + _AT_BOUND) < masses[name] < own.high * (1.0 - _AT_BOUND)
-        if is_at:
+        else:
+            is_at = _room(bounds.links[name], bodies[name]) < _AT_BOUND * masses[name]
+        if is_at or (bound == "size" and name in setting.wider):
             found.append((name, bound))
     return found
 

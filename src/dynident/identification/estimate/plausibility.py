@@ -17,7 +17,7 @@ class ContradictedBound:
 
     Attributes:
         name: The link, or :data:`TOTAL_MASS`.
-        bound: `mass` or `size`.
+        bound: `mass`, `size`, or `wider size`: one that was widened to hold the nominal body.
         statistic: Fall of the weighted residual square without the bound, each joint's over its correlation factor.
         limit: Quantile of chi-square that it exceeds, with one degree of freedom, ten for a size.
         gain: Relative fall of the weighted residual of the training samples without the bound.
