@@ -33,8 +33,7 @@ class PredictedTorque:
 
     Attributes:
         prepared: The log, and which rows are used.
-        torque: Torque of the model, filtered as the measured one, shape (N, n); where a drive rests, the middle of what
-            static friction can hold.
+        torque: Torque of the model, filtered as the measured one, shape (N, n).
         half_model: Half the width of the 95 % band of the torque without noise: covariance of the parameters, and noise
             of the positions of this log, shape (N, n).
         half_measured: Half the width of the 95 % band of the measured torque: covariance of the parameters, and the

@@ -65,26 +65,40 @@ def held_torque(model: DynamicModel, theta: Array, motion: Motion, rests: BoolAr
     """
     coupling, table = np.asarray(model.robot.coupling), model.coefficient_table(theta)
     motion = model.loaded(motion, theta)
-    own, forth, back = (
-        np.einsum("sjk,jk->sj", each.friction_values(at), table)
-        for each, at in ((model, motion), *(_creeping(model, motion, sign) for sign in (1.0, -1.0)))
-    )
-    drives = np.where(rests, 0.5 * (forth + back), own)
-    half = np.where(rests, 0.5 * np.abs(forth - back), 0.0) @ np.abs(coupling)
-    torque = model.torque(motion, theta)
-    return HeldTorque(torque, torque + (drives - own) @ coupling, half, (rests @ (coupling != 0)) > 0)
+    own = np.einsum("sjk,jk->sj", model.friction_values(motion), table)
+    middle, half = held_friction(with_sharp_signs(model), table, motion)
+    torque, shift = model.torque(motion, theta), np.where(rests, middle - own, 0.0) @ coupling
+    halves = np.where(rests, half, 0.0) @ np.abs(coupling)
+    return HeldTorque(torque, torque + shift, halves, (rests @ (coupling != 0)) > 0)
 
 
-def _creeping(model: DynamicModel, motion: Motion, sign: float) -> tuple[DynamicModel, Motion]:
-    """Return the model with sharp signs, and the motion with all drives creeping one way."""
-    sharp = replace(model, friction=tuple(_sharp(part) for part in model.friction))
+def with_sharp_signs(model: DynamicModel) -> DynamicModel:
+    """Return the model whose dry friction is at its level at any speed."""
+    return replace(model, friction=tuple(_sharp(part) for part in model.friction))
+
+
+def held_friction(sharp: DynamicModel, table: Array, motion: Motion) -> tuple[Array, Array]:
+    """Return middle and half width of what the friction of each drive can be where it rests, shape (N, n) each.
+
+    Args:
+        sharp: The model with sharp signs.
+        table: Coefficients of its friction by drive, shape (n, k).
+        motion: The motion, with the load and the states of friction where it asks for them.
+    """
+    ways = (_creeping(sharp, motion, sign) for sign in (1.0, -1.0))
+    forth, back = (np.einsum("sjk,jk->sj", sharp.friction_values(way), table) for way in ways)
+    return 0.5 * (forth + back), 0.5 * np.abs(forth - back)
+
+
+def _creeping(model: DynamicModel, motion: Motion, sign: float) -> Motion:
+    """Return the motion with all drives creeping one way."""
     creep = np.linalg.solve(np.asarray(model.robot.coupling), np.full(model.robot.dof, sign * CREEP))
     each = [(part, state) for part in model.friction for state in part.states]
     state = np.zeros((*motion.q.shape, len(each))) if motion.state is None else np.array(motion.state)
     for k, (part, own) in enumerate(each):
         if part.lags:
             state[..., k] = own.high if sign > 0 else own.low
-    return sharp, replace(motion, dq=np.broadcast_to(creep, motion.q.shape), state=state if each else None)
+    return replace(motion, dq=np.broadcast_to(creep, motion.q.shape), state=state if each else None)
 
 
 def _sharp(part: Friction) -> Friction:

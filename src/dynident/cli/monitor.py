@@ -103,12 +103,14 @@ def _watch(monitor: Monitor, as_json: bool, case: Case | None) -> int:
     samples = alarms = 0
     first = last = 0.0
     steps: list[float] = []
+    held = [0.0] * len(names)
     columns, robot, _ = reading_of(monitor.observer.estimate, case)
     for reading in watch(monitor, sys.stdin, columns, robot):
         if 0 < samples <= _RATE_SAMPLES:
             steps.append(reading.time - last)
         first, last = (reading.time if samples == 0 else first), reading.time
         samples += 1
+        held = [max(pair) for pair in zip(held, reading.held.tolist(), strict=True)]
         if samples == _RATE_SAMPLES and (told := monitor.other_rate(sorted(steps)[len(steps) // 2])):
             console.answer_line({"remark": told}) if as_json else console.answer(f"remark: {told}")
         for name in reading.alarms:
@@ -121,11 +123,27 @@ def _watch(monitor: Monitor, as_json: bool, case: Case | None) -> int:
             else:
                 console.answer(f"alarm: {label(name)}, at {reading.time:.4f} s: {size:.4g} against {threshold:.4g}")
             sys.stdout.flush()
+    if remark := _resting(monitor, held):
+        console.answer_line({"remark": remark}) if as_json else console.answer(f"remark: {remark}")
     if as_json:
         console.answer_line({"samples": samples, "seconds": last - first, "alarms": alarms})
     else:
         console.answer(f"{counted(alarms, 'alarm')} in {samples} samples, {last - first:.4g} s")
     return 1 if alarms else 0
+
+
+def _resting(monitor: Monitor, held: Sequence[float]) -> str:
+    """Return what is to be said of joints that rest, whose static friction holds so much at most; empty for nothing."""
+    from dynident.results.text import format_number, label, pretty_unit
+
+    robot = monitor.observer.model.robot
+    told = [
+        f"{label(name)} {format_number(size, 3)} {pretty_unit(unit)}"
+        for name, unit, size in zip(robot.joint_names, robot.units, held, strict=True)
+        if size > 0.0
+    ]
+    text = "at rest static friction can hold a contact, which shows in no torque: thresholds are higher there by up to"
+    return f"{text} {', '.join(told)}" if told else ""
 
 
 def _rates(text: str) -> list[float]:
@@ -169,6 +187,8 @@ def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) ->
             times = f"{alarm.start:.4f} to {alarm.end:.4f} s"
             sizes = f"{alarm.peak:.4g} against {alarm.threshold:.4g}"
             console.answer(f"alarm: {label(alarm.joint)}, {times}: {sizes}")
+        if remark := _resting(monitor, [figures["held"] for figures in one.figures()["joints"]]):
+            console.answer(f"remark: {remark}")
         if one.mostly_above:
             console.answer(
                 f"remark: {', '.join(label(name) for name in one.mostly_above)}: above the threshold for most of the "

@@ -119,8 +119,12 @@ def _motion(path: str, estimate: Estimate, case: Case | None) -> Log:
 
 def _resting(joints: Sequence[dict[str, object]], widest: Array) -> list[str]:
     """Return what is to be said of joints that rest: their torque is an interval, at most of a half width (n,)."""
-    held = _named(joints, widest, "+- ")
-    return [f"at rest static friction holds any torque about the prediction: {held}"] if held else []
+    held = _named(joints, widest)
+    return (
+        [f"at rest static friction holds any torque in an interval: the bands are wider there by up to {held}"]
+        if held
+        else []
+    )
 
 
 def _beginning(starts: Sequence[dict[str, object]], joints: Sequence[dict[str, object]], changes: Array) -> list[str]:
@@ -129,16 +133,16 @@ def _beginning(starts: Sequence[dict[str, object]], joints: Sequence[dict[str, o
 
     if starts:
         return start_sentences(starts)
-    told = _named(joints, changes, "")
+    told = _named(joints, changes)
     text = "the drives are taken to begin cold; as warm as at the end of the motion their torque differs by up to "
     return [text + told] if told else []
 
 
-def _named(joints: Sequence[dict[str, object]], sizes: Array, sign: str) -> str:
+def _named(joints: Sequence[dict[str, object]], sizes: Array) -> str:
     """Return the joints with sizes (n,) that show beside their torque."""
     pairs = zip(joints, sizes.tolist(), strict=True)
     shown = [(one, size) for one, size in pairs if size > SHOWN * float(str(one["torque"]))]
-    return ", ".join(f"{one['name']} {sign}{size:.3g} {one['unit']}" for one, size in shown)
+    return ", ".join(f"{one['name']} {size:.3g} {one['unit']}" for one, size in shown)
 
 
 def _outside(names: Sequence[str], inside: Array) -> list[str]:

@@ -185,7 +185,7 @@ def test_rates_set_thresholds(robot: Robot, estimate: Estimate) -> None:
     with pytest.raises(LogMismatch, match="no clean run"):
         calibrated(observer, [], 1.0)
     with pytest.raises(LogMismatch, match="send samples in order"):
-        step(often, MonitorState(1.0, *[np.zeros(6)] * 5), 0.5, *[np.zeros(6)] * 3)
+        step(often, MonitorState(time=1.0), 0.5, *[np.zeros(6)] * 3)
     with pytest.raises(LogMismatch, match="no finite number"):
         step(often, MonitorState(), 0.0, np.full(6, np.nan), np.zeros(6), np.zeros(6))
 
@@ -267,3 +267,38 @@ def test_false_alarms_come_at_the_chosen_rate(robot: Robot, estimate: Estimate) 
     counts = np.sum([[joint["alarms"] for joint in one.figures()["joints"]] for one in tests], axis=0)
     assert 0.7 * 30 <= counts.mean() <= 1.4 * 30, counts
     assert np.all((counts >= 0.4 * 30) & (counts <= 1.9 * 30)), counts
+
+
+@pytest.mark.parametrize("push", [0.9, 4.0])
+def test_what_static_friction_holds_at_rest_is_no_contact(robot: Robot, push: float) -> None:
+    """A log stands still in its last 3 s, the drives against their load; clean runs never stand.
+
+    Static friction takes 0.9 of its level at breakaway; four times that is more than it can hold.
+    """
+    friction = tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset", "rotor_inertia"))
+    how = replace(GIVEN, standstill=0.02)
+    estimate = identify(DynamicModel(robot, friction), [run_of(robot, 1)], "wls", how)
+    observer = MomentumObserver(estimate)
+    monitor = calibrated(observer, [signals_of(estimate, run_of(robot, seed)) for seed in (2, 3, 4)], 1.0 / 3600.0)
+    log, stand = run_of(robot, 5), 900
+    q, dq, torque = (np.array(one) for one in (log.q, log.dq, log.torque))
+    q[stand:], dq[stand:] = q[stand], 0.0
+    noise = 0.2 * np.random.default_rng(0).normal(size=torque[stand:].shape)
+    held = push * 2.0  # of the Coulomb friction of each drive
+    torque[stand:] = gravity_torque(estimate.model, observer.theta, q[stand]) + 0.4 + held + noise
+    found = run_monitor(monitor, replace(log, q=q, dq=dq, torque=torque))
+    stood = {alarm.joint for alarm in found.alarms if alarm.end > log.time[stand + 50]}
+    np.testing.assert_allclose(found.held.max(axis=0), 2.0, rtol=0.1)
+    if push < 1.0:
+        assert not stood
+        without = found.threshold - found.held  # would tell a contact
+        assert np.all(np.any(np.abs(found.residual[stand:]) > without[stand:], axis=0))
+        assert np.all(np.abs(found.residual[-100:]).mean(axis=0) > 0.8 * held)
+    else:
+        assert stood == set(robot.joint_names)
+    state, readings = MonitorState(), []
+    for k in range(stand - 20, stand + 60):
+        state, reading = step(monitor, state, float(log.time[k]), q[k], dq[k], torque[k])
+        readings.append(reading)
+    np.testing.assert_allclose(readings[-1].held, found.held[stand + 59], rtol=1e-3)
+    np.testing.assert_allclose(readings[-1].threshold, found.threshold[stand + 59], rtol=0.02)

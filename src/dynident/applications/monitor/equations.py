@@ -14,8 +14,10 @@ from itertools import pairwise
 import numpy as np
 
 from dynident.applications.compensation import parameters_of
+from dynident.applications.standstill import held_friction, with_sharp_signs
 from dynident.arrays import Array
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.problem.problem import rest_speeds
 from dynident.model.friction import Motion
 from dynident.model.kernels import batched
 from dynident.model.kernels.compiled import Kernel, kernel, lanes
@@ -38,6 +40,7 @@ class Terms:
         momentum: M dq, shape (N, n).
         drift: g + friction - C' dq, what the torque meets beside the change of momentum, shape (N, n).
         friction: Its part by friction, shape (N, n).
+        held: How far from that static friction can hold, shape (N, n); 0 where no drive of a joint rests.
         columns: The regressor of the base parameters without acceleration, shape (N, n, b).
     """
 
@@ -45,6 +48,7 @@ class Terms:
     momentum: Array
     drift: Array
     friction: Array
+    held: Array
     columns: Array
 
 
@@ -70,6 +74,7 @@ class Equations:
         self._shares = coupling[self._drive].T
         self._table = model.coefficient_table(self.theta)
         self._coupling, self._bias = coupling, np.asarray(model.robot.bias)
+        self._sharp, self._slow = with_sharp_signs(model), rest_speeds(model.robot, estimate.preprocessing.standstill)
         joints = model.robot.dof
         ends = np.cumsum([0, joints, joints, joints, joints, joints * joints, joints * len(self._bodies)]).tolist()
         self._parts = tuple(slice(a, b) for a, b in pairwise(ends))
@@ -90,13 +95,18 @@ class Equations:
         found = self._bodies_at(q, dq)
         mass = found.mass + self.rotors
         load = found.load if "torque" in model.needs else None
-        values = model.friction_values(Motion(q, dq, np.zeros_like(q), load, temperature, state))
-        friction = np.einsum("sjk,jk->sj", values, self._table) @ self._coupling
+        motion = Motion(q, dq, np.zeros_like(q), load, temperature, state)
+        values = model.friction_values(motion)
+        drives, held = np.einsum("sjk,jk->sj", values, self._table), np.zeros_like(q)
+        if np.any(rests := np.abs(motion.at_motors(self._coupling).dq) < self._slow):
+            middle, half = held_friction(self._sharp, self._table, motion)
+            held = np.where(rests, half + np.abs(middle - drives), 0.0) @ np.abs(self._coupling)
+        friction = drives @ self._coupling
         columns = np.empty((samples, joints, len(self._bodies) + len(self._friction)))
         columns[..., self._bodies] = found.columns
         columns[..., self._friction] = values[:, None, self._drive, self._column] * self._shares
         drift = found.gravity - found.turning + friction - self._bias
-        return Terms(mass, found.momentum + dq @ self.rotors, drift, friction, columns)
+        return Terms(mass, found.momentum + dq @ self.rotors, drift, friction, held, columns)
 
     def _bodies_at(self, q: Array, dq: Array) -> _Bodies:
         if self._kernel is None:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from dynident.applications.monitor.band import BandWeights, fitted_band, lagged, shapes
 from dynident.applications.monitor.momentum_observer import MomentumObserver
-from dynident.applications.monitor.signals import Signals, residuals_of
+from dynident.applications.monitor.signals import Signals, held_share, residuals_of
 from dynident.applications.monitor.tails import Tail, shrunk, tail_of
 from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, LogMismatch
@@ -21,6 +21,9 @@ APART = 5.0
 #: Factor between the sampling rates of a run and of the clean runs up to which their noise is about the same.
 NEAR_RATE = 1.2
 
+#: Share of the clean runs in which a joint moves from which on their rests count by what static friction cannot hold.
+MOVING = 0.1
+
 #: A step longer than this many time constants of the observer starts it anew.
 LOST = 20.0
 
@@ -30,7 +33,7 @@ class Monitor:
     """A momentum observer with a threshold for each joint.
 
     The threshold of a joint is its factor times its torque band, the standard deviation of the residual at that state:
-    wider where the model is less sure.
+    wider where the model is less sure. Where drives rest what static friction can hold comes on top.
 
     Attributes:
         observer: The observer.
@@ -69,14 +72,20 @@ class Monitor:
 
     def thresholds(self, run: Signals) -> Array:
         """Return the threshold of each joint along a run, shape (N, n), in N m or N."""
-        observer, found = self.observer, []
+        return np.sum(self.parts(run), axis=0)
+
+    def parts(self, run: Signals) -> tuple[Array, Array]:
+        """Return the thresholds without static friction, and what it can hold at rest, shape (N, n) each."""
+        observer, found, held = self.observer, [], []
         start = 0
         for terms in observer.chunks(run.q, run.dq, run.step, run.temperature, run.first):
             dq = run.dq[start : start + len(terms.momentum)]
             found.append(self.band.variances(terms, observer.deviations(terms), dq))
+            held.append(terms.held)
             start += len(dq)
         keep = float(np.exp(-observer.gain * run.step))
-        return np.asarray(self.factors) * np.sqrt(lagged(np.concatenate(found), keep))
+        own = np.asarray(self.factors) * np.sqrt(lagged(np.concatenate(found), keep))
+        return own, held_share(np.concatenate(held), keep)
 
 
 @dataclass(frozen=True)
@@ -92,6 +101,7 @@ class MonitorState:
         active: Time at which each joint was last above its threshold, shape (n,); -inf for never.
         q: Positions of the last sample, shape (n,), in rad or m.
         friction: States of friction then, shape (n, s); None where none has one.
+        held: How much of the residual static friction can be, and how much it could hold then, shape (n,) each.
     """
 
     time: float | None = None
@@ -102,6 +112,7 @@ class MonitorState:
     active: Array | None = None
     q: Array | None = None
     friction: Array | None = None
+    held: tuple[Array, Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -112,6 +123,7 @@ class MonitorSample:
         time: In s.
         residual: Torque from outside, shape (n,), in N m or N.
         threshold: Shape (n,).
+        held: How much of it is what static friction can hold at rest, shape (n,).
         above: Joints above their threshold.
         alarms: Those of them whose alarm begins here.
     """
@@ -119,6 +131,7 @@ class MonitorSample:
     time: float
     residual: Array
     threshold: Array
+    held: Array
     above: tuple[str, ...]
     alarms: tuple[str, ...]
 
@@ -180,23 +193,31 @@ def calibrated(observer: MomentumObserver, clean: Sequence[Signals], rates: npt.
 
 
 def _band_and_shares(observer: MomentumObserver, clean: Sequence[Signals]) -> tuple[BandWeights, list[Array]]:
-    """Return the band of clean runs, and the residual of each over it once the start is forgotten, (N, n) each."""
+    """Return the band of clean runs, and the residual of each over it once the start is forgotten, (N, n) each.
+
+    Of joints that move it is what static friction cannot hold at rest.
+    """
     speeds = np.maximum(np.sqrt(np.mean(np.concatenate([run.dq**2 for run in clean]), axis=0)), 1e-9)
-    residuals, moments = [], []
+    residuals, moments, held = [], [], []
     for run in clean:
         terms = list(observer.chunks(run.q, run.dq, run.step, run.temperature, run.first))
         ends = np.cumsum([0, *(len(one.momentum) for one in terms)])
         parts = zip(terms, ends, ends[1:], strict=False)
         moments.append(np.concatenate([shapes(o, observer.deviations(o), run.dq[a:b], speeds) for o, a, b in parts]))
+        keep = float(np.exp(-observer.gain * run.step))
+        held.append(held_share(np.concatenate([one.held for one in terms]), keep))
         residuals.append(residuals_of(observer, run))
     keeps = [float(np.exp(-observer.gain * run.step)) for run in clean]
+    moving = np.mean(np.concatenate(held) == 0.0, axis=0) >= MOVING
+    pairs = zip(residuals, held, strict=True)
+    residuals = [np.where(moving, np.maximum(np.abs(one) - own, 0.0), np.abs(one)) for one, own in pairs]
     starts = [_settled(run, observer) for run in clean]
     cut = [(one[s:], rows[s:]) for one, rows, s in zip(residuals, moments, starts, strict=True)]
     band = fitted_band([one for one, _ in cut], [rows for _, rows in cut], keeps, speeds)
     shares = []
     for residual, rows, keep, start in zip(residuals, moments, keeps, starts, strict=True):
         variance = lagged(np.einsum("sjf,jf->sj", rows, band.weights), keep)
-        shares.append((np.abs(residual) / np.sqrt(variance))[start:])
+        shares.append((residual / np.sqrt(variance))[start:])
     return band, shares
 
 
@@ -244,7 +265,7 @@ def step(
     momentum, push = terms.momentum, effort - terms.drift
     fresh = monitor.band.variances(terms, observer.deviations(terms), speed)[0]
     if state.time is None or (time - state.time) * observer.gain > LOST:
-        residual, variance = np.zeros(len(names)), fresh
+        residual, variance, held = np.zeros(len(names)), fresh, np.zeros(len(names))
     else:
         dt = time - state.time
         pair = np.stack([np.asarray(state.momentum), momentum[0]]), np.stack([np.asarray(state.push), push[0]])
@@ -252,15 +273,17 @@ def step(
         keep = np.exp(-observer.gain * dt)
         residual = keep * np.asarray(state.residual) + (1.0 - keep) * outside
         variance = keep**2 * np.asarray(state.variance) + (1.0 - keep**2) * fresh
-    threshold = np.asarray(monitor.factors) * np.sqrt(variance)
+        followed, before = (0.0, terms.held[0]) if state.held is None else state.held
+        held = keep * followed + (1.0 - keep) * 0.5 * (before + terms.held[0])
+    threshold = np.asarray(monitor.factors) * np.sqrt(variance) + held
     above = np.abs(residual) > threshold
     last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
     begins = above & (time - last > APART / observer.gain)
-    kept = (np.where(above, time, last), here[0], None if friction is None else friction[-1])
+    kept = (np.where(above, time, last), here[0], None if friction is None else friction[-1], (held, terms.held[0]))
     following = MonitorState(float(time), momentum[0], push[0], residual, variance, *kept)
     named = tuple(name for name, one in zip(names, above, strict=True) if one)
     begun = tuple(name for name, one in zip(names, begins, strict=True) if one)
-    return following, MonitorSample(float(time), residual, threshold, named, begun)
+    return following, MonitorSample(float(time), residual, threshold, held, named, begun)
 
 
 def _row(names: Sequence[str], what: str, values: npt.ArrayLike) -> Array:

@@ -26,6 +26,7 @@ class Monitored:
         time: Shape (N,), in s.
         residual: Torque from outside, shape (N, n), in N m or N.
         threshold: Shape (N, n).
+        held: How much of it is what static friction can hold at rest, shape (N, n).
         alarms: In order of time.
         other_rate: What to do where the log is at another sampling rate than the clean runs; empty where it is not.
     """
@@ -35,6 +36,7 @@ class Monitored:
     time: Array
     residual: Array
     threshold: Array
+    held: Array
     alarms: tuple[Alarm, ...]
     other_rate: str = ""
 
@@ -65,6 +67,7 @@ class Monitored:
                     "largest_share_of_threshold": float(share[:, j].max()),
                     "residual_rms": float(np.sqrt(np.mean(self.residual[:, j] ** 2))),
                     "threshold": float(np.median(self.threshold[:, j])),
+                    "held": float(self.held[:, j].max()),
                 }
                 for j, name in enumerate(self.joints)
             ],
@@ -84,7 +87,8 @@ def run_monitor(monitor: Monitor, log: Log) -> Monitored:
     observer = monitor.observer
     signals = signals_of(observer.estimate, log)
     residual = residuals_of(observer, signals)
-    threshold = monitor.thresholds(signals)
+    own, held = monitor.parts(signals)
+    threshold = own + held
     names = observer.model.robot.joint_names
     found = [
         alarm
@@ -92,7 +96,9 @@ def run_monitor(monitor: Monitor, log: Log) -> Monitored:
         for alarm in _alarms(name, signals.time, residual[:, j], threshold[:, j], APART / observer.gain)
     ]
     alarms = tuple(sorted(found, key=lambda one: one.start))
-    return Monitored(signals.name, names, signals.time, residual, threshold, alarms, monitor.other_rate(signals.step))
+    return Monitored(
+        signals.name, names, signals.time, residual, threshold, held, alarms, monitor.other_rate(signals.step)
+    )
 
 
 def _alarms(name: str, time: Array, residual: Array, threshold: Array, apart: float) -> list[Alarm]:

@@ -80,6 +80,15 @@ def signals_of(estimate: Estimate, log: Log) -> Signals:
 def residuals_of(observer: MomentumObserver, signals: Signals) -> Array:
     """Return the observer's residual at each sample, zero at the first, shape (N, n), in N m or N."""
     outside = observer.outside(signals.time, signals.q, signals.dq, signals.torque, signals.temperature, signals.first)
-    keep = float(np.exp(-observer.gain * signals.step))
-    followed = np.asarray(scipy.signal.lfilter([1.0 - keep], [1.0, -keep], outside, axis=0))
-    return np.concatenate([np.zeros((1, followed.shape[1])), followed])
+    return followed(outside, float(np.exp(-observer.gain * signals.step)))
+
+
+def followed(means: Array, keep: float) -> Array:
+    """Return what follows means over each step (N - 1, n) as the observer's residual does, zero at first, (N, n)."""
+    found = np.asarray(scipy.signal.lfilter([1.0 - keep], [1.0, -keep], means, axis=0))
+    return np.concatenate([np.zeros((1, found.shape[1])), found])
+
+
+def held_share(held: Array, keep: float) -> Array:
+    """Return how much of the observer's residual static friction can be that holds up to ``held``, shape (N, n)."""
+    return followed(0.5 * (held[:-1] + held[1:]), keep)
