@@ -165,6 +165,10 @@ def test_a_part_that_the_log_asks_for_is_taken_and_its_sign_turns_with_the_other
     assert taken["stribeck", "part"].value == 1.0 and ("coulomb, stribeck", "width") in taken
     ((_, table),) = choice_tables(Choices(chosen_fields=found))
     assert ("left out", "there", "in the model") in [(row[3], row[4], row[-1]) for row in table.rows]
+    assert {(row[2], row[-1]) for row in table.rows if row[0] == "stribeck" and row[2] != "part"} == {
+        ("velocity", "by all rows")  # whatever the best of the values that were compared takes off
+    }
+    assert "'by all rows'" in table.note and "best" in {row[-1] for row in table.rows if row[2] == "width"}
 
 
 OPTIONAL = (RotorInertia(choose=("part",)), Degressive(choose=("part",)), Load(0.01, choose=("part", "width")))

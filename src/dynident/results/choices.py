@@ -131,21 +131,24 @@ def _held_out(found: Sequence[FieldChoice]) -> Table:
         Column("fastest", "%", numeric=True),
         Column("used"),
     )
+    open_parts = {(each.part, each.joints) for each in found if each.field == WHOLE}
     rows = tuple(
         (
             *_field(each),
             *_values(each),
             MISSING if each.error is None else " ± ".join(format_value(100.0 * each.gain, 100.0 * each.error)),
             MISSING if each.fastest is None else format_number(100.0 * each.fastest, 2),
-            _used(each),
+            _used(each, (each.part, each.joints) in open_parts and each.field != "width"),
         )
         for each in found
     )
     note = (
         "Reduction of the mean squared residual of held-out samples by the best value ± its std: over blocks, and as "
         "one more the fastest fifth of the samples, out of the range of the fit, whose own stands beside it. The given "
-        "value is kept unless the reduction is half a per cent and more than chance makes it in one of twenty logs; of "
-        "a part that was open it is a start. Of parts without fields of their own the shortest list within a standard "
+        "value is kept unless the reduction is half a per cent and more than chance makes it in one of twenty logs. "
+        "Of a part that was open it is a start: the reduction is that of the best value of a grid, and the value that "
+        "fits all rows best is used ('by all rows'). Of parts without fields of their own the shortest list within a "
+        "standard "
         f"error of the best is there. {MISSING}: nothing differs, as where no samples are faster than others."
     )
     return Table(columns, rows, note)
@@ -167,11 +170,11 @@ def _not_tried(found: Sequence[FieldChoice], model: DynamicModel | None) -> list
     return rows
 
 
-def _used(held: FieldChoice) -> str:
-    """Return which value the model has; of a whole part, whether it is in the model."""
+def _used(held: FieldChoice, is_start: bool) -> str:
+    """Return which value the model has; of a whole part, whether it is there. Of an open part the given is a start."""
     if held.field == WHOLE:
         return "in the model" if held.value else "left out"
-    return "given" if held.value == held.stated else "best"
+    return "given" if held.value == held.stated else "by all rows" if is_start else "best"
 
 
 def _values(held: FieldChoice) -> tuple[str, str]:
