@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.signal
@@ -67,6 +69,23 @@ def test_causes_that_hide_each_other_are_found_and_none_where_there_is_none() ->
     assert [blame.cause.name for blame in found.blames()] in (["cause 0", "cause 1"], ["cause 1", "cause 0"])
     for seed in range(10):
         assert not search(np.zeros((400, 2)), columns, seed).blames()
+
+
+def test_an_inertia_below_zero_is_no_cause() -> None:
+    """It takes the place of none, alone and beside another that it hides."""
+    first, second = np.random.default_rng(5).normal(size=(2, 400, 2)) * [1.0, 0.0]
+    for sign in (1.0, -1.0):
+        found = search(sign * first, np.stack([first, 0.6 * first + second]))
+        found.causes = tuple(replace(cause, is_positive=cause.name == "cause 0") for cause in found.causes)
+        names = {blame.cause.name for blame in found.blames()}
+        assert ("cause 0" in names) == (sign > 0.0) and names, names
+    first, apart = np.random.default_rng(2).normal(size=(2, 400, 2)) * [1.0, 0.0]
+    columns = np.stack([first + 0.3 * apart, first - 0.3 * apart])
+    found = search(0.75 * (columns[1] - columns[0]), columns)
+    assert len(found.blames()) == 2
+    found = search(0.75 * (columns[1] - columns[0]), columns)
+    found.causes = tuple(replace(cause, is_positive=True) for cause in found.causes)
+    assert len(found.blames()) < 2
 
 
 def test_a_cause_gives_way_to_those_that_it_stood_for() -> None:

@@ -43,8 +43,7 @@ CLOSE, RIVALS = 6.0, 2
 #: Causes that are taken in at most, and rounds of taking in and judging again.
 MOST, ROUNDS = 12, 3
 
-#: Candidates of a round that are fitted with weights of their own at most, and those that are fitted before others,
-#: which are where they can come near the best of these.
+#: Candidates of a round that are fitted with weights of their own at most, and how many before those that may be near.
 FITTED, FIRST = 6, 2
 
 #: Degrees of freedom that pass for infinitely many.
@@ -63,6 +62,7 @@ class Cause:
         hidden: How many of the coefficients, the last ones, have a prior about what the others make them, and are not
             told.
         is_filtered: Whether the columns are filtered as the torques are, and stand at the kept rows.
+        is_positive: Whether its one coefficient has to be above zero, as an inertia.
     """
 
     name: str
@@ -71,6 +71,7 @@ class Cause:
     likelier: float = 1.0
     hidden: int = 0
     is_filtered: bool = False
+    is_positive: bool = False
 
     @property
     def told(self) -> int:
@@ -184,13 +185,9 @@ class CauseSearch:
         return [self.spectrum.transformed(joint.columns) for joint in self.columns.joints]
 
     def worths(self, fits: Sequence[Sequence[int]]) -> list[tuple[Array, float]]:
-        """Return how many independent rows each joint has for the last of the causes of each fit, made once.
+        """Return how many independent rows each joint has, (n,), for the last of the causes of each fit, made once.
 
-        Args:
-            fits: The causes of each, by their numbers.
-
-        Returns:
-            Of each fit shape (n,), and the variance of the coefficients over that of independent rows.
+        Beside it stands the variance of the coefficients over that of independent rows; ``fits`` are numbers of causes.
         """
         missing = [chosen for chosen in dict.fromkeys(map(tuple, fits)) if chosen not in self._worths]
         if missing:
@@ -325,7 +322,7 @@ class CauseSearch:
             near = [k for k, most in part if most > least]
             for k, counted in zip(near, self.worths([(*chosen, k) for k in near]), strict=True):
                 after, columns = self.fit([*chosen, k]), self.causes[k].told
-                ratio = _ratio(before, after, counted[0])
+                ratio = self._ratio(before, after, k, counted[0])
                 merit = self.causes[k].likelier * (ratio - columns * float(np.log(counted[0].sum())))
                 chance = chi_square_tail(ratio, columns)
                 if left * chance < RIVAL_CHANCE:
@@ -367,7 +364,7 @@ class CauseSearch:
             chances, orders = [], ((a, b), (b, a))
             counted = self.worths([(*chosen, *order) for order in orders])
             for (one, other), (worth, _) in zip(orders, counted, strict=True):
-                ratio = _ratio(self.fit([*chosen, one]), self.fit([*chosen, one, other]), worth)
+                ratio = self._ratio(self.fit([*chosen, one]), self.fit([*chosen, one, other]), other, worth)
                 chances.append(len(pairs) * chi_square_tail(ratio, self.causes[other].told))
             if max(chances) < CHANCE:
                 return [a, b]
@@ -385,7 +382,7 @@ class CauseSearch:
             cause,
             values,
             covariance,
-            float(np.sqrt(max(_ratio(before, after, worth), 0.0))),
+            float(np.sqrt(max(self._ratio(before, after, chosen[-1], worth), 0.0))),
             before.score - after.score,
             float(np.max(1.0 - after.variances / before.variances)),
             float(np.max(own / np.maximum(whole, 1e-300)) if cause.joint else np.linalg.norm(own) / size_of_all),
@@ -394,7 +391,10 @@ class CauseSearch:
             freedom=after.freedom,
         )
 
+    def _ratio(self, before: Solved, after: Solved, k: int, worth: Array) -> float:
+        """Return twice the logarithm of the likelihood ratio of fits without and with a cause, of ``worth`` (n,) rows.
 
-def _ratio(before: Solved, after: Solved, worth: Array) -> float:
-    """Return twice the logarithm of the likelihood ratio of two fits, of ``worth`` (n,) independent rows each."""
-    return float(worth @ np.log(before.variances / after.variances)) + before.surprise - after.surprise
+        It is 0 where the coefficient is none that the cause may have.
+        """
+        fall = float(worth @ np.log(before.variances / after.variances)) + before.surprise - after.surprise
+        return fall if after.beta[-1] > 0.0 or not self.causes[k].is_positive else 0.0

@@ -137,7 +137,7 @@ class Trends:
                     "counterbalance", name, self._at_joint(i, np.sin(q[:, i])), self._at_joint(i, np.cos(q[:, i]))
                 )
             if not has_rotors:
-                yield _cause("rotor inertia", name, self._at_drive(i, inertial[:, i]))
+                yield replace(_cause("rotor inertia", name, self._at_drive(i, inertial[:, i])), is_positive=True)
             speed = self._speed[:, i]
             size = np.abs(speed)
             turn = 1.0 - sign[:, i] ** 2
