@@ -11,10 +11,12 @@ from benchmarks.servo_arms import VirtualArm, arm_logs, drawn_arm
 from benchmarks.servo_bodies import disturbed
 from servo_bench import CASE_OF_LOGS, PENDULUM, fill, parameters, pendulum, virtual_logs
 
-from dynident.actuators.directions import AXIS, COMMAND, POSITION, turned_over
+from dynident.actuators.direction_search import turned_over
+from dynident.actuators.directions import AXIS, POSITION, LogTorques, compared
 from dynident.actuators.drive_law import preset
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
+from dynident.actuators.torque_rows import COMMAND
 from dynident.cli.main import main
 from dynident.model.robot import Robot
 from dynident.results.actuator_text import joint_warnings
@@ -90,9 +92,27 @@ def test_a_joint_that_carries_nothing_has_no_direction_of_its_own(tmp_path: Path
     assert turned_over(light, logs) == []
 
 
-def test_two_joints_are_named(arm: VirtualArm, logs: list[ServoLog]) -> None:
-    both = [turned(turned(log, AXIS, 5), COMMAND, 3) for log in logs]
-    assert {(one.kind, one.joint) for one in turned_over(arm.robot, both)} == {(AXIS, 5), (COMMAND, 3)}
+def test_commands_that_a_light_joint_follows_late_are_not_turned_over(tmp_path: Path) -> None:
+    """Stamped 0.3 s late they would explain its torque of next to nothing better the other way round."""
+    robot = replace(pendulum(tmp_path), gravity=np.zeros(3))
+    logs = [
+        log
+        for k, log in enumerate(virtual_logs(robot, parameters(armature=0.1), gains=(5.0, 6.0, 7.0, 8.0)))
+        if k % 3 < 2
+    ]
+    logs = [replace(log, q_ref=np.roll(log.q_ref, 60, axis=0)) for log in logs]
+    parts = [LogTorques.of(robot, log) for log in logs]
+    assert compared(COMMAND, 0, parts, parts[0].directions.turned(COMMAND, 0)).is_sure
+    assert turned_over(robot, logs) == []
+
+
+@pytest.mark.parametrize("those", [[(AXIS, 5), (COMMAND, 3)], [(AXIS, 1), (AXIS, 2)]], ids=str)
+def test_several_joints_are_named(arm: VirtualArm, logs: list[ServoLog], those: list[tuple[str, int]]) -> None:
+    """No one of them explains the logs by itself: each moves the torques of the others."""
+    moved = logs
+    for kind, joint in those:
+        moved = [turned(log, kind, joint) for log in moved]
+    assert {(one.kind, one.joint) for one in turned_over(arm.robot, moved)} == set(those)
 
 
 def test_another_zero_is_told_in_place_of_a_direction(tmp_path: Path) -> None:
@@ -104,6 +124,16 @@ def test_another_zero_is_told_in_place_of_a_direction(tmp_path: Path) -> None:
         found = turned_over(arm.robot, moved)
         assert [(one.joint, one.is_zero) for one in found] == ([(1, True)] if beside > 1.0 else [])
         assert all(one.zero == pytest.approx(beside, abs=0.15) for one in found)
+
+
+def test_zeros_of_all_joints_are_told(tmp_path: Path) -> None:
+    """Encoders whose counts begin elsewhere; the base's angle moves no weight, and nothing tells it."""
+    arm = drawn_arm(np.random.default_rng([11, 3, 100]), 3, LAW, tmp_path)
+    logs = arm_logs(arm, 50.0, (8.0,), seconds=4.0)
+    found = turned_over(arm.robot, [replace(log, q=log.q - 4.7, q_ref=log.q_ref - 4.7) for log in logs])
+    assert {one.joint for one in found} <= {1, 2} and found and all(one.is_zero for one in found)
+    assert next(one.zero for one in found if one.joint == 1) == pytest.approx(4.7 - 2.0 * np.pi, abs=0.2)
+    assert turned_over(arm.robot, logs) == []
 
 
 @pytest.mark.parametrize(("kind", "remedy"), [(AXIS, "turn over the axis of joint1"), (COMMAND, "commands of joint1")])

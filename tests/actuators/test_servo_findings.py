@@ -14,7 +14,7 @@ from dynident.actuators.drive_law import preset
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup, is_read_back
 from dynident.cli.main import main
-from dynident.diagnosis.servo_findings import servo_findings
+from dynident.diagnosis.servo_findings import arm_findings, servo_findings
 from dynident.model.robot import Robot
 
 LAW = preset("feetech_sts3215")
@@ -81,6 +81,13 @@ def test_a_late_velocity_is_named_with_its_lag(log: ServoLog) -> None:
         found = servo_findings(replace(log, dq=dq), (LAW,))
         assert [one.name for one in found] == ["velocity lag"] * lags
         assert not lags or 33.0 <= float(found[0].evidence.split()[3]) <= 37.0
+
+
+def test_positions_beyond_the_limits_are_named(log: ServoLog, robot: Robot) -> None:
+    """A whole turn moves no weight, so that only the limits of the robot model tell it; a free swing keeps them."""
+    assert arm_findings(robot, [log]) == []
+    (found,) = arm_findings(robot, [replace(log, q=log.q + 2.0 * np.pi, q_ref=log.q_ref + 2.0 * np.pi)])
+    assert (found.severity, found.name) == ("warning", "joint limits") and "log: zero" in found.remedy
 
 
 def test_check_is_the_command_for_it(

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.actuators.arm_bodies import free_bodies, stated_bodies
 from dynident.actuators.arm_coupling import Arm
 from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, finished, settled, turned
-from dynident.actuators.directions import turned_over
+from dynident.actuators.direction_search import turned_over
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
 from dynident.actuators.joint_fit import OFF_S, JointData, JointFit, at_ratio, first_fit, richer_fit, sought_again
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from dynident.actuators.directions import ODDS, STATE, LogTorques, Turned, bodies_torques, joint_rows, likeliest
+from dynident.actuators.directions import ODDS, LogTorques, Turned, likeliest
 from dynident.actuators.joint_fit import OFF_S
 from dynident.actuators.joint_load import carrying, measured_motion
 from dynident.actuators.linear_start import REST
 from dynident.actuators.servo_log import MOVED, ServoLog
+from dynident.actuators.torque_rows import STATE, bodies_torques, joint_rows
 from dynident.errors import LogMismatch
 from dynident.model.robot import Robot
 
@@ -47,6 +48,6 @@ def check_torque_state(robot: Robot, log: ServoLog) -> None:
         as_is, turned = (float(np.linalg.norm(rows.left(kind, target[:, joint]))) for kind in ("", STATE))
         least = math.log(ODDS) + 0.5 * rows.drives[STATE][0].shape[1] * math.log(rows.count)
         if rows.count * math.log(as_is / max(turned, float(np.finfo(float).tiny))) > least:
-            found = likeliest([LogTorques.of(robot, log)], robot.dof, is_switched=True)
+            found = likeliest([LogTorques.of(robot, log)], is_switched=True)
             found = found or Turned(STATE, joint, 0.0, True, turned / as_is)
             raise LogMismatch(log.name, *found.told(log.joints))

@@ -320,7 +320,7 @@ def check(case: Case, options: argparse.Namespace) -> int:
     from dynident.actuators.servo_log import kp_values
     from dynident.api.actuators import logs_of_servos
     from dynident.cli import console
-    from dynident.diagnosis.servo_findings import direction_findings, servo_findings
+    from dynident.diagnosis.servo_findings import arm_findings, servo_findings
     from dynident.results.text import counted
 
     _refuse(options, ("against", "fix"), "leave it out: it is for logs with torques")
@@ -332,15 +332,15 @@ def check(case: Case, options: argparse.Namespace) -> int:
     released = {name for log in logs for name, on in zip(log.joints, log.enabled.T, strict=True) if not on.all()}
     found = [(log, servo_findings(log, laws, released)) for log in train]
     found += [(log, servo_findings(log, laws, released, kp_values(train))) for log in test]
-    turned = direction_findings(case.robot, train)
-    sound = not turned and all(one.severity != "error" for _, own in found for one in own)
+    of_arm = arm_findings(case.robot, train)
+    sound = all(one.severity != "error" for own in (of_arm, *(own for _, own in found)) for one in own)
     if options.json:
         told = [{"path": log.name, "findings": [one.figures() for one in own]} for log, own in found]
-        together = [one.figures() for one in turned]
+        together = [one.figures() for one in of_arm]
         console.answer_json({"robot": case.robot.name, "sound": sound, "findings": together, "logs": told})
         return 0 if sound else 1
-    for one in turned:
-        console.answer(f"error: {one.name} ({one.joint}): {one.evidence}")
+    for one in of_arm:
+        console.answer(f"{one.severity}: {one.name} ({one.joint}): {one.evidence}")
         console.answer(f"  {one.remedy}")
     notes: dict[tuple[str, str, str], list[str]] = {}
     for log, own in found:

@@ -6,9 +6,10 @@ from collections.abc import Container, Sequence
 
 import numpy as np
 
-from dynident.actuators.directions import turned_over
+from dynident.actuators.direction_search import turned_over
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.servo_log import MOVED, ServoLog, is_outside, is_read_back
+from dynident.case.evidence.positions import is_within
 from dynident.case.evidence.velocities import velocity_pair
 from dynident.diagnosis.finding import SEVERITIES, Finding
 from dynident.model.robot import Robot
@@ -42,8 +43,8 @@ def servo_findings(
     return sorted(found, key=lambda one: SEVERITIES.index(one.severity))
 
 
-def direction_findings(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
-    """Return which joints run the other way, by all logs together.
+def arm_findings(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
+    """Return which joints run the other way or have another zero, and which leave their limits, by all logs together.
 
     Args:
         robot: With inertias.
@@ -57,6 +58,21 @@ def direction_findings(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
         evidence, remedy = one.told(robot.joint_names)
         numbers = {"zero_rad": one.zero} if one.zero else {}
         found.append(Finding("error", "direction", robot.joint_names[one.joint], evidence, remedy, numbers))
+    return found + _limits(robot, logs)
+
+
+def _limits(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
+    """Return joints whose positions leave the limits of the robot model."""
+    found = []
+    for joint, own in enumerate(robot.active):
+        q = np.concatenate([log.q[~log.failed[:, joint], joint] for log in logs])
+        low, high = float(q.min()), float(q.max())
+        if is_within(own, low, high):
+            continue
+        lower, upper = own.limits.lower, own.limits.upper
+        evidence = f"positions from {low:.4g} to {high:.4g}, limits of the robot model from {lower:.4g} to {upper:.4g}"
+        remedy = f"correct the angle where the encoder of {own.name} reads 0 (log: zero), the unit, or the limits"
+        found.append(Finding("warning", "joint limits", own.name, evidence, remedy))
     return found
 
 

@@ -1,0 +1,165 @@
+"""What may explain the torque that the bodies ask of a joint along its measured motion: friction, armature, a drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import nnls
+
+from dynident.actuators.joint_fit import OFF_S
+from dynident.actuators.joint_load import CUTOFF_HZ, MeasuredMotion, between, rigid_inertia
+from dynident.actuators.linear_start import REST, SLEWS, limited_goal
+from dynident.actuators.servo_log import ServoLog
+from dynident.arrays import Array, BoolArray
+from dynident.model.kernels import batched
+from dynident.model.robot import Robot
+
+#: Delay in s of the torques that is assumed: servos have 2 to 20 ms, and the filter lets 10 Hz pass.
+_DELAY_S = 0.01
+
+#: Quantiles of the position error at which the torque of a drive may bend: any torque that grows with the error and
+#: saturates is close to a sum of these.
+_BENDS = (0.1, 0.25, 0.5, 0.75, 1.0)
+
+#: Step in s of the torques of the bodies, and change of an angle in rad by which their slope is found.
+_STEP_S, _TURN = 0.01, 1e-4
+
+#: Farthest zero of an encoder in rad that a fit makes up for.
+ZERO = 0.3
+
+#: What of a drive may be turned over: its command against its position, and the column of the torque.
+COMMAND, STATE = "command", "state"
+
+
+@dataclass(frozen=True)
+class TorqueRows:
+    """What may explain the torque of the bodies about one joint in one log.
+
+    Attributes:
+        always: Filtered columns of friction and armature, shape (K, c).
+        drives: Those of the drive at each slew limit with the log as it is, and by the kind that is turned over.
+        moves: Samples of the grid of the motion where the joint moves, K of them.
+        count: Values of the filtered torque there that are independent.
+        factors: Columns and their QR factors by kind and place of the slew limit, made when asked for.
+    """
+
+    always: Array
+    drives: dict[str, list[Array]]
+    moves: BoolArray
+    count: float
+    factors: dict[tuple[str, int], tuple[Array, Array, Array]] = field(default_factory=dict)
+
+    def left(self, kind: str, target: Array, slope: Array | None = None) -> Array:
+        """Return what is left of a torque on the grid of the motion, shape (K,), at the slew limit that leaves least.
+
+        As a share of the root mean square of the torque: the drive's is not known, and bodies of less inertia or weight
+        would else leave less.
+
+        Args:
+            kind: COMMAND or STATE where that is turned over; else empty.
+            target: The torque, shape (M,).
+            slope: Its change by the zero of the encoder, which may be off by up to 0.3 rad, shape (M,); None for none.
+        """
+        aim, turn = target[self.moves], np.zeros(self.moves.sum()) if slope is None else slope[self.moves]
+        errors = [self._left(kind, slew, aim, turn) for slew in range(len(self.drives[kind]))]
+        return min(errors, key=lambda error: float(error @ error))
+
+    def cost(self, kind: str, target: Array, slope: Array) -> float:
+        """Return minus the logarithm of the likelihood of a torque, each (M,), without a slew limit of the command."""
+        error = self._left(kind, 0, target[self.moves], slope[self.moves])
+        return 0.5 * self.count * math.log(max(float(np.mean(error**2)), float(np.finfo(float).tiny)))
+
+    def _factors(self, kind: str, slew: int) -> tuple[Array, Array, Array]:
+        """Return the columns at a slew limit in units of their length, and their QR factors."""
+        if (kind, slew) not in self.factors:
+            columns = np.hstack([self.always, self.drives[kind][slew]])
+            sizes = np.linalg.norm(columns, axis=0)
+            columns = columns / np.where(sizes > 0, sizes, 1.0)
+            basis, factor = np.linalg.qr(columns)
+            self.factors[kind, slew] = columns, basis, factor
+        return self.factors[kind, slew]
+
+    def _left(self, kind: str, slew: int, target: Array, slope: Array) -> Array:
+        columns, basis, factor = self._factors(kind, slew)
+        size = max(float(np.sqrt(np.mean(target**2))), float(np.finfo(float).tiny))
+        both = np.column_stack([slope, target]) / size
+        within = basis.T @ both
+        turn, aim = np.vstack([within, np.linalg.qr(both - basis @ within, mode="r")]).T
+        matrix = np.vstack([factor, np.zeros((2, len(factor.T)))])
+        found = nnls(np.column_stack([matrix, turn, -turn]), aim)[0]
+        zero = float(np.clip(found[-2] - found[-1], -ZERO, ZERO))
+        return columns @ nnls(matrix, aim - zero * turn)[0] + both @ (zero, -1.0)
+
+
+def joint_rows(log: ServoLog, joint: int, motion: MeasuredMotion, has_weight: bool = False) -> TorqueRows | None:
+    """Return what may explain the torque of a joint; None where it hardly moves.
+
+    Args:
+        log: The log.
+        joint: Number of the joint.
+        motion: Measured motion of the log.
+        has_weight: Whether any weight over its own angle may explain it too.
+    """
+    time, q, dq = motion.time, motion.q[:, joint], motion.dq[:, joint]
+    now, before = (np.clip(np.searchsorted(log.time, at, side="right") - 1, 0, None) for at in (time, time - _DELAY_S))
+    moves, step, on = np.abs(dq) > REST, float(time[1] - time[0]), log.enabled[now, joint]
+    if np.sum(moves) * step <= OFF_S:
+        return None
+    angle, command = between(log.time, log.q[:, [joint]], time)[:, 0], log.q_ref[before, joint]
+    given = np.array([log.added[before, joint], log.dq_ref[before, joint]])
+
+    def drives(side: float, state: BoolArray) -> list[Array]:
+        found = []
+        for slew in float(np.abs(dq).max()) * np.array(SLEWS):
+            error = limited_goal(time, side * command, slew) - angle
+            bends = np.quantile(np.abs(error[moves]), _BENDS)
+            own = [np.clip(error, -bend, bend) for bend in bends]
+            found.append(motion.filtered((np.array([*own, -dq, *(side * given)]) * state).T)[moves])
+        return found
+
+    weight = [np.ones(len(q)), np.sin(q), np.cos(q)] if has_weight else []
+    always = np.array([*weight, *(-one for one in weight), -dq, -np.tanh(dq / REST), -motion.ddq[:, joint]])
+    cutoff = min(CUTOFF_HZ, 0.2 / float(np.median(np.diff(log.time))))
+    return TorqueRows(
+        motion.filtered(always.T)[moves],
+        {"": drives(1.0, on), COMMAND: drives(-1.0, on), STATE: drives(1.0, on if on.all() else ~on)},
+        moves,
+        2.0 * cutoff * step * float(moves.sum()),
+    )
+
+
+def bodies_torques(
+    robot: Robot,
+    motion: MeasuredMotion,
+    sides: Array | float = 1.0,
+    turns: Array | float = 0.0,
+    joints: Sequence[int] | None = None,
+) -> tuple[Array, Array]:
+    """Return the torques of the bodies in the directions of a log and their slope, filtered, each (M, j).
+
+    Args:
+        robot: With inertias.
+        motion: Measured motion of the log, on a grid of M samples.
+        sides: Direction of each joint of the robot model in the log, 1 or -1, shape (n,).
+        turns: What is added to its angles, in rad, shape (n,).
+        joints: The j joints that are asked for; None for all.
+    """
+    time = np.arange(motion.time[0], motion.time[-1], _STEP_S)
+    joints = range(robot.dof) if joints is None else joints
+
+    def on(grid: Array, stamps: Array, values: Array) -> Array:
+        return np.array([np.interp(grid, stamps, column) for column in values.T]).T
+
+    q, dq, ddq = (sides * on(time, motion.time, values) for values in (motion.q, motion.dq, motion.ddq))
+    theta, q = rigid_inertia(robot), q + turns
+    torque = batched.inverse_dynamics(robot.chain, theta, q, dq, ddq)
+    columns = [(sides * torque)[:, joint] for joint in joints]
+    for joint in joints:
+        moved = q + _TURN * (np.arange(robot.dof) == joint)
+        turned = batched.inverse_dynamics(robot.chain, theta, moved, dq, ddq)
+        columns.append((turned - torque)[:, joint] / _TURN)
+    whole = motion.filtered(on(motion.time, time, np.array(columns).T))
+    return whole[:, : len(joints)], whole[:, len(joints) :]
