@@ -96,7 +96,7 @@ def find_delays(
 
 def common_delay(delays: Sequence[DelayRecord]) -> float:
     """Return the delay in s to be expected of another log of the same robot: the mean, the surest counting most."""
-    weights = np.array([1.0 / max(delay.std, 1e-9) ** 2 for delay in delays])
+    weights = np.array([1.0 / min(max(delay.std, 1e-9), 1e9) ** 2 for delay in delays])
     return float(weights @ [delay.applied for delay in delays] / weights.sum())
 
 
@@ -110,7 +110,7 @@ def _away_from_reversals(search: _DelaySearch) -> tuple[DelayRecord, ...]:
     """Return the delays that the joints agree about, without the rows near reversals where these say something else."""
     step = search.settled()
     away = search.step(np.ones(len(search.rows), bool))
-    doubt = np.sqrt(np.maximum(away.deviation**2 - step.deviation**2, 0.0))
+    doubt = np.sqrt(np.maximum(np.minimum(away.deviation, 1e9) ** 2 - np.minimum(step.deviation, 1e9) ** 2, 0.0))
     biased = ~step.agree | (np.abs(away.seconds) > SIGNIFICANT * doubt)
     if biased.any():
         step = search.settled(biased)
