@@ -93,6 +93,25 @@ def test_an_export_has_what_was_simulated(estimate: Estimate, log: Log, tmp_path
     assert dynident.export(estimate, "json", tmp_path / "arm.json", proof=False, write=False).motion is None
 
 
+@pytest.mark.parametrize("are_there", [True, False])
+def test_an_own_mjcf_whose_meshes_are_missing_is_simulated_without_them(
+    estimate: Estimate, log: Log, tmp_path: Path, are_there: bool
+) -> None:
+    """It had been refused as a model that does not follow, with other bodies as the step."""
+    pytest.importorskip("mujoco")
+    own, target = tmp_path / "own.xml", tmp_path / "arm.xml"
+    dynident.export(estimate, "mjcf", own)
+    text = own.read_text(encoding="utf-8")
+    if not are_there:
+        text = text.replace("<worldbody>", '<asset><mesh name="m" file="gone.obj"/></asset><worldbody>')
+        text = text.replace("<joint", '<geom type="mesh" mesh="m"/><joint', 1)
+    own.write_text(text, encoding="utf-8")
+    found = dynident.export(estimate, "mjcf", target, description=own, proof=log)
+    assert found.motion is not None and not found.motion.failures and target.exists()
+    names = {run.simulator for run in found.motion.runs[2:]}
+    assert {name.endswith(" without meshes") for name in names} == {not are_there}
+
+
 def test_sharp_friction_is_not_run_in_the_own_simulator_and_says_why(estimate: Estimate, log: Log) -> None:
     parts = (Coulomb(width=0.0), *estimate.model.friction[1:])
     sharp = replace(estimate, model=replace(estimate.model, friction=parts))

@@ -179,7 +179,9 @@ def _mujoco_runs(followed: _Followed) -> Iterator[FollowedMotion]:
                 continue
             try:
                 with without_log():
-                    errors, reference = _stepped(followed, control, step)
+                    model, without = _mujoco_model(followed.subject, step)
+                    run = replace(run, simulator=version + without)
+                    errors, reference = _stepped(followed, control, step, model)
             except DynidentError:
                 raise
             except Exception as error:  # an engine of others may raise anything
@@ -204,7 +206,7 @@ def _judged(run: FollowedMotion, error: Array, reference: Array, subject: Identi
     return replace(run, error=tuple(worst.tolist()), share=float(np.max(worst / span)), failure=failure)
 
 
-def _stepped(followed: _Followed, control: Controller, step: float) -> tuple[Array, Array]:
+def _stepped(followed: _Followed, control: Controller, step: float, model: Any) -> tuple[Array, Array]:
     """Return position errors and positions of the motion by MuJoCo, each (N, n); NaN after a motion that is lost.
 
     The controller is told of bodies, rotors, viscous and Coulomb friction: what the MJCF holds.
@@ -220,7 +222,6 @@ def _stepped(followed: _Followed, control: Controller, step: float) -> tuple[Arr
     believed = (np.full(robot.dof, np.inf), step, known)
     work, tau = np.zeros((len(robot.links) + 1, WORK)), np.zeros(robot.dof)
     memory, seen = np.zeros((control.memory, robot.dof)), np.empty((2, robot.dof))
-    model = _mujoco_model(api, followed.subject, step)
     places = [int(model.joint(joint.name).dofadr[0]) for joint in robot.active]
     state, errors = api.MjData(model), np.full((len(time), robot.dof), np.nan)
     _begin(followed.subject, model, state, states[:, 0])
@@ -236,15 +237,41 @@ def _stepped(followed: _Followed, control: Controller, step: float) -> tuple[Arr
     return errors, states[0]
 
 
-def _mujoco_model(api: Any, subject: Identified, step: float) -> Any:
-    """Return the MJCF of a model as MuJoCo loads it."""
+def _mujoco_model(subject: Identified, step: float) -> tuple[Any, str]:
+    """Return the MJCF of a model as MuJoCo loads it, and in words what it is without.
+
+    A user's own MJCF whose meshes are missing is not loaded as it stands either: a new one of the same model, which
+    names no mesh, takes its place.
+    """
+    import mujoco
+
+    api: Any = mujoco
+    try:
+        model, without = _loaded(api, subject), ""
+    except Exception:  # an engine of others may raise anything
+        source = subject.source
+        if source is None or source.kind != "mjcf" or _loads(api, source.path):
+            raise
+        model, without = _loaded(api, replace(subject, source=None)), " without meshes"
+    model.opt.timestep = step
+    model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_AUTORESET)  # a lost motion stays lost
+    return model, without
+
+
+def _loaded(api: Any, subject: Identified) -> Any:
     with tempfile.TemporaryDirectory(prefix="dynident-") as folder:
         path = Path(folder) / "model.xml"
         path.write_bytes(Mjcf(motors=False).content(subject, path).files[path])
-        model = api.MjModel.from_xml_path(str(path))
-    model.opt.timestep = step
-    model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_AUTORESET)  # a lost motion stays lost
-    return model
+        return api.MjModel.from_xml_path(str(path))
+
+
+def _loads(api: Any, path: Path) -> bool:
+    """Return whether MuJoCo loads a user's own file."""
+    try:
+        api.MjModel.from_xml_path(str(path))
+    except Exception:
+        return False
+    return True
 
 
 def _begin(subject: Identified, model: Any, state: Any, first: Array) -> None:
