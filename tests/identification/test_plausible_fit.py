@@ -235,6 +235,34 @@ def test_a_size_that_its_own_body_widens_gives_way_too(
     assert contradiction(facts.contradicted[0]).startswith("wider size of link3: the data contradict it")
 
 
+@pytest.mark.parametrize("shift", [0.1, 0.0])
+def test_what_one_wrong_size_leaves_hides_no_other(spatial_3r: Robot, exact_log: MakeLog, shift: float) -> None:
+    """The true last body is 0.5 m from where the robot model has it, that before it 0.1 m; balls of 0.2 m are sizes.
+
+    The residual that the first leaves hangs together over far more rows than that of noise does.
+    """
+    links, true = [], []
+    for link, axis, away in zip(spatial_3r.links, np.eye(3), (0.0, shift, 0.5), strict=True):
+        assert link.inertia is not None
+        mass, centre = link.inertia.mass, link.inertia.centre_of_mass
+        body = Inertia.from_centre_of_mass(mass, centre, 0.016 * mass * np.eye(3))
+        links.append(replace(link, inertia=body, shapes=(Sphere(0.2, centre),)))
+        there = Inertia.from_centre_of_mass(mass, centre + away * axis, 0.016 * mass * np.eye(3))
+        true.append(replace(link, inertia=there))
+    model = DynamicModel(replace(spatial_3r, links=tuple(links)), (FRICTION.make("coulomb"), FRICTION.make("viscous")))
+    arm = replace(model, robot=replace(spatial_3r, links=tuple(true)))
+    assert arm.robot.nominal is not None
+    theta = np.append(arm.robot.nominal, np.ones(6))
+    log = exact_log(arm, theta, noise=0.01 * np.std(np.asarray(exact_log(arm, theta).torque), axis=0))
+    problem = build_problem(model, [log], GIVEN)
+    bounded, free = (fit(problem, Consistent(bodies=bodies)) for bodies in ("plausible", "free"))
+    assert bounded.train.total_relative_error < 1.02 * free.train.total_relative_error
+    facts = Plausibility.of(bounded.run)
+    assert facts is not None
+    named = ["link3", "link2"] if shift else ["link3"]
+    assert [(one.name, one.bound) for one in facts.contradicted] == [(name, "size") for name in named]
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_a_right_body_larger_than_its_shapes_is_the_reference(
     spatial_3r: Robot, exact_log: MakeLog, noise: float

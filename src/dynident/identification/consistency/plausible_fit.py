@@ -124,10 +124,8 @@ def plausible_fit(
             raise ContradictoryConstraints(clash.evidence, step) from clash
         setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within, wider, rows)
         if settled is None:
-            factors = setting.factors(inner)
-            contradicted, bounds, inner = _contradicted(setting, bounds, inner, factors)
-            factors = setting.factors(inner) if contradicted else factors
-            limit = cost_limit(factors, base.count, rows + cost_of(program, inner, rows))
+            contradicted, bounds, inner = _contradicted(setting, bounds, inner)
+            limit = cost_limit(setting.factors(inner), base.count, rows + cost_of(program, inner, rows))
         else:
             limit = settled.cost_limit
         rules = conditions_of(model, scale, margin, _with_masses(bounds, bodies))
@@ -296,12 +294,13 @@ class _Setting:
 
 
 def _contradicted(
-    setting: _Setting, bounds: Constraints, inner: Answer, factors: Array
+    setting: _Setting, bounds: Constraints, inner: Answer
 ) -> tuple[tuple[ContradictedBound, ...], Constraints, Answer]:
     """Return the contradicted bounds, the bounds without those to relax, and the answer within them.
 
     Forward selection: the bound whose statistic is furthest above its limit goes first, while that is significant. One
-    that no longer matters once others are gone comes back, as does a stated one once all are tested. Sizes that the
+    that no longer matters once others are gone comes back, as does a stated one once all are tested. Correlation is
+    that of the residual so far: what bounds that are gone had left in it is no noise of the others. Sizes that the
     nominal body itself does not fit are tested before all others: a nominal mass is always in its range, so no range
     gives way for them.
     """
@@ -316,7 +315,7 @@ def _contradicted(
             least = min(limits[bound] for _, bound in active)
             if np.sum(setting.costs(inner)) - setting.free <= least:  # nothing is cheaper than the free fit
                 break
-            falls = setting.falls(bounds, active, inner)
+            falls, factors = setting.falls(bounds, active, inner), setting.factors(inner)
             large = [key for key in active if limits[key[1]] < np.sum(falls[0] / factors)]
             if not large:  # none matters alone where all together do not
                 break
@@ -332,7 +331,7 @@ def _contradicted(
     for key in list(found)[:-1]:
         others = [other for other in found if other != key]
         falls, answer = setting.falls(start, others, inner)
-        if -np.sum(falls / factors) <= found[key].limit:
+        if -np.sum(falls / setting.factors(inner)) <= found[key].limit:
             bounds, inner = _without(start, others, setting.wider), answer
             del found[key]
     relaxed = [key for key, one in found.items() if one.is_relaxed]
