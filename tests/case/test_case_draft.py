@@ -578,6 +578,7 @@ def test_faulty_rows_are_told_and_left_to_the_log_checks(arm: str, motion: dict[
         "1 of 600 rows hold values that are not finite",
         "time repeats or runs back in 1 rows",
     ]
+    assert "its --fix OUT.csv leaves them out" in draft.remarks[1]
 
 
 def test_what_is_no_log_is_refused(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:

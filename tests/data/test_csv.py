@@ -178,7 +178,7 @@ def test_declared_decimal_commas_are_read(tmp_path):
 
 
 BACK = "split the log there, or sort its rows if they are only out of order"
-AGAIN = "leave the repeated rows out, or write the time with more digits"
+AGAIN = "'dynident check' with --fix OUT.csv leaves a few out; of many write the time with more digits"
 FAULTS = [
     (
         table("t,q1,q2,tau_a,tau2"),

@@ -24,7 +24,7 @@ from benchmarks.faults.trials import Trial, subject_of, virtual
 
 from dynident.case.case import Case, read_case
 from dynident.case.evidence.rows import out_of_order, sortable
-from dynident.data.formats import ColumnMap
+from dynident.data.formats import ColumnMap, read_log
 from dynident.data.log import smallest_step
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.against_bodies import AgainstBodies
@@ -39,10 +39,13 @@ from dynident.diagnosis.checks import CHECKS, readings
 from dynident.diagnosis.checks.cells import held_at
 from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
+from dynident.diagnosis.checks.time_order import SEVERAL
 from dynident.diagnosis.examination import examine, examine_recordings
 from dynident.diagnosis.finding import SEVERITIES, Finding
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair, wraps
+from dynident.diagnosis.repaired_file import write_repaired
+from dynident.errors import LogFormatError, LogMismatch
 from dynident.model.friction import FRICTION, default_friction
 from dynident.model.friction.warm_up import WarmUp
 from dynident.model.inertia import Inertia
@@ -484,6 +487,30 @@ def test_repairs_give_the_clean_log_back(trial: Trial, tmp_path: Path) -> None:
     assert np.array_equal(log.torque, clean.torque)
     turns = (log.q - clean.q) / (2 * np.pi)
     assert np.allclose(turns, np.round(turns).mean(axis=0), atol=1e-8)
+
+
+@pytest.mark.parametrize(("count", "is_repaired"), [(2, True), (400, False)])
+def test_a_few_rows_of_one_time_are_left_out_and_many_are_not(
+    trial: Trial, count: int, is_repaired: bool, tmp_path: Path
+) -> None:
+    """Check, --fix and the reader of the logs name the same step."""
+    time = np.array(trial.columns["t"])
+    time[1 : 2 * count : 2] = time[0 : 2 * count : 2]
+    path = trial.with_columns(t=time).written(tmp_path)
+    recording = read_recording(trial.case, str(path))
+    found = examine_recordings(trial.case, [recording])[0]
+    (told,) = [one for one in found.findings if one.name == "equal time stamps"]
+    repaired, out = repair(recording, trial.case.robot), tmp_path / "out.csv"
+    with pytest.raises(LogFormatError, match=f"repeats.*{'--fix OUT.csv' if is_repaired else 'more digits'}"):
+        read_log(path, trial.case.columns)
+    if is_repaired:
+        assert "--fix OUT.csv' writes the log without them" in told.remedy
+        write_repaired(repaired, str(out))
+        assert read_log(out, trial.case.columns).samples == len(time) - count
+        return
+    assert told.remedy == SEVERAL and repaired.recording.log.samples == len(time)
+    with pytest.raises(LogMismatch, match=f"{count} rows have the time of the row before.*{SEVERAL}"):
+        write_repaired(repaired, str(out))
 
 
 def test_what_is_not_safe_is_not_repaired(trial: Trial, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Repairs that change no measurement: rows sorted, repeated or empty rows left out, encoder jumps taken back."""
+"""Repairs that change no measurement: rows sorted, repeated, empty or late ones left out, encoder jumps taken back."""
 
 from __future__ import annotations
 
@@ -51,6 +51,10 @@ def repair(recording: Recording, robot: Robot) -> Repaired:
         if again.any():
             recording = recording.kept(~again, "repeated rows left out")
             repairs.append(f"{_rows(again.sum(), 'repeated ')} left out")
+    late = equal_times(recording.log)
+    if 0 < late.sum() <= MOST_LOST * len(late):
+        recording = recording.kept(~late, "rows with the time of the row before left out")
+        repairs.append(f"{_rows(late.sum())} with the time of the row before left out")
     counts = wraps(recording.log, robot)
     if any(counts.values()):
         turns = {joint: _turns_taken_back(recording.log, joint) for joint in counts}
@@ -70,6 +74,11 @@ def broken_rows(log: Log) -> BoolArray:
     for values in log.signals().values():
         bad |= ~np.isfinite(values).all(axis=1)
     return bad
+
+
+def equal_times(log: Log) -> BoolArray:
+    """Return which rows have the time of the row before, shape (N,): of two values at one time one is not of it."""
+    return np.diff(log.time, prepend=-np.inf) == 0
 
 
 def repeated_rows(log: Log) -> BoolArray:

@@ -17,6 +17,7 @@ from dynident.data.formats._text_header import cells_of, opened
 from dynident.data.formats._text_table import TextTable
 from dynident.data.formats._units import converted
 from dynident.data.formats.csv import Csv
+from dynident.diagnosis.checks.time_order import SEVERAL
 from dynident.diagnosis.recording import Recording
 from dynident.diagnosis.repair import Repaired, broken_rows
 from dynident.errors import DynidentError, LogMismatch
@@ -67,8 +68,9 @@ def _check_sound(recording: Recording) -> None:
         what, sample = "time runs back", int(np.argmax(steps < 0)) + 1
         step = "sorting would mix two recordings: split the file there into separate logs"
     elif (steps == 0).any():
-        what, sample = "a row has the time of the row before and other values", int(np.argmax(steps == 0)) + 1
-        step = "write the time with more digits, or keep one of two publishers of the signal"
+        same = int(np.count_nonzero(steps == 0))
+        what, sample = f"{same} rows have the time of the row before and other values", int(np.argmax(steps == 0)) + 1
+        step = f"more than {MOST_LOST:.0%} of the rows are not left out: {SEVERAL}"
     else:
         return
     evidence = f"no safe repair makes it a sound log: {what}, first in {recording.place(sample)}; nothing was written"

@@ -30,7 +30,7 @@ LARGE = 512 << 20
 TOO_LARGE = "reduce it as a stream: dynident reduce CASE LOG -o part.tri"
 
 #: What to do where rows have the time of the row before, and where they have its values as well.
-_SAME_TIME = "leave the repeated rows out, or write the time with more digits"
+_SAME_TIME = "'dynident check' with --fix OUT.csv leaves a few out; of many write the time with more digits"
 _REPEATED = "they are the same in all that is read: have them left out (log: {repeats: drop})"
 
 #: Blocks of rows of a table, shape (rows, columns); when they have ended, in words what was done to get them.

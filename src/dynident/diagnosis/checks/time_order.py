@@ -11,10 +11,13 @@ import numpy as np
 from dynident.case.evidence.rows import out_of_order, sortable
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
-from dynident.diagnosis.repair import repeated_rows
+from dynident.diagnosis.repair import MOST_LOST, repeated_rows
 
 #: A day in s, and how near a step back is to one where times of day start again.
 _DAY, _NEAR = 86400.0, 60.0
+
+#: What to do about more rows with the time of the row before than can be left out.
+SEVERAL = "write the time with more digits, or keep one of two publishers of the signal"
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,8 @@ class TimeOrder(Check):
         if len(same):
             first = subject.raw.place(int(samples[same[0] + 1]))
             evidence = f"{len(same)} rows have the time of the row before and other values, the first in {first}"
-            remedy = "write the time with more digits, or keep one of two publishers of the signal"
+            remedy = f"leave them out: '{subject.fix}' writes the log without them"
+            if len(same) > MOST_LOST * len(time):
+                remedy = SEVERAL
             found.append(Finding("error", "equal time stamps", "", evidence, remedy, {"rows": len(same)}))
         return found
