@@ -114,6 +114,19 @@ def test_the_friction_curve_ends_at_the_speed_of_the_logs(robot: Robot, monkeypa
     assert 0.8 * fastest < drawn["Friction at even speed"] <= 1.01 * fastest
 
 
+def test_torque_and_armature_of_a_joint_of_little_weight_ask_for_a_payload() -> None:
+    """Each is known only with the other; where one of them is known by itself nothing is asked for."""
+    (joint,) = estimate(preset("feetech_sts3215")).joints
+    pairs = (("full_torque", "armature"), ("armature", "full_torque"), ("coulomb", "armature"))
+    weak = tuple(Known(name, 0.1, 0.05, "weak", other) for name, other in pairs)
+    (told,) = joint_warnings(replace(joint, known=weak, combinations=()))
+    assert told.startswith("full torque and armature are weak") and "servo: payloads" in told
+    others = joint_warnings(
+        replace(joint, known=(weak[0], replace(weak[1], label="identified", together="")), combinations=())
+    )
+    assert not any("servo: payloads" in text for text in others)
+
+
 def test_a_weak_friction_beside_free_swings_asks_for_more_of_them() -> None:
     (joint,) = estimate(preset("feetech_sts3215")).joints
     weak, swings = (Known(name, 0.1, 0.05, "weak", "") for name in ("viscous", "back_emf"))

@@ -21,8 +21,8 @@ ODDS, _DEVIATIONS, _PIECE_S, _LEAST = 1e3, 4.0, 1.0, 0.05
 #: What explains this share of what the best does is told beside it.
 NEARLY = 0.9
 
-#: First words of what is said of a joint that runs the other way.
-TURNED = "another direction"
+#: First words of what is said of a joint that runs the other way, and of one whose encoder has another zero.
+TURNED, ZEROED = "another direction", "another zero"
 
 #: What may run the other way: positions and commands against the robot model, one of them, and the torque's column.
 AXIS, POSITION = "axis", "position"
@@ -80,7 +80,7 @@ class Turned:
 
     def remark(self, joints: Sequence[str]) -> str:
         """Return evidence and remedy as one remark on the joint."""
-        return f"{TURNED}: {'; '.join(self.told(joints))}"
+        return f"{ZEROED if self.is_zero else TURNED}: {'; '.join(self.told(joints))}"
 
 
 def likeliest(parts: Sequence[LogTorques], is_switched: bool = False) -> Turned | None:

@@ -348,12 +348,16 @@ def _partner(names: Sequence[str], matrix: Array, k: int, free: Sequence[int], l
 #: What separates viscous friction from back-EMF better, where the logs have free swings.
 MORE_SWINGS = "more free swings with the torque off, from higher up, and so faster ones"
 
+_SWING = (
+    "lift the joint, switch the torque off and let it swing (at speed where no weight moves it), and log torque_enable"
+)
+
 #: What separates parameters that the logs do not separate.
 EXPERIMENTS = {
     "gain_ratio": "command steps large enough that the torque saturates, or state error_gain and kp of the drive",
     "full_torque": "command steps large enough that the torque saturates, or state error_gain and kp of the drive",
-    "back_emf": "lift the joint, switch the torque off and let it swing, and log torque_enable",
-    "viscous": "lift the joint, switch the torque off and let it swing, and log torque_enable",
+    "back_emf": _SWING,
+    "viscous": _SWING,
     "armature": "faster motions (chirps up to a few Hz), or a second payload of other mass",
     "load_motor": "hold and move a second, heavier payload",
     "load_external": "hold and move a second, heavier payload",
@@ -363,11 +367,11 @@ EXPERIMENTS = {
     "slew_limit": "large steps of the command",
 }
 
-#: What separates all torques of a joint from its armature, where no weight and no known inertia does.
-SCALE = (
-    "only their ratios are known: no weight sets the scale of the torques; record a known payload off the axis too "
-    "(servo: payloads), or state a known torque (servo: full_torque)"
-)
+#: What gives all torques of a joint their scale, and what separates them from its armature where no weight and no
+#: known inertia does, or too little.
+_SCALE_STEP = "record a known payload off the axis too (servo: payloads), or state a known torque (servo: full_torque)"
+SCALE = f"only their ratios are known: no weight sets the scale of the torques; {_SCALE_STEP}"
+LITTLE_WEIGHT = f"their ratio is known better, as little weight sets the scale of the torques; {_SCALE_STEP}"
 
 
 def lacks_scale(labels: Mapping[str, str]) -> bool:

@@ -57,7 +57,8 @@ def arm_findings(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
     for one in turned_over(robot, logs):
         evidence, remedy = one.told(robot.joint_names)
         numbers = {"zero_rad": one.zero} if one.zero else {}
-        found.append(Finding("error", "direction", robot.joint_names[one.joint], evidence, remedy, numbers))
+        name = "encoder zero" if one.is_zero else "direction"
+        found.append(Finding("error", name, robot.joint_names[one.joint], evidence, remedy, numbers))
     return found + _limits(robot, logs)
 
 

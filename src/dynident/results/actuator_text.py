@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynident.actuators.directions import TURNED
+from dynident.actuators.directions import TURNED, ZEROED
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
 from dynident.actuators.poor_fit import EXTRAPOLATION, MISSED
-from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, MORE_SWINGS, SCALE, lacks_scale, unit_of
+from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, LITTLE_WEIGHT, MORE_SWINGS, SCALE, lacks_scale, unit_of
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
 
 
@@ -139,9 +139,7 @@ _UNSCALED = ("not separable", AS_RATIO)
 def joint_warnings(joint: JointActuator) -> list[str]:
     """Return what speaks against trusting the actuator of a joint."""
     found = list(joint.remarks)
-    if any(
-        text.startswith((MISSED, TURNED)) for text in found
-    ):  # parameters of a wrong model: no experiment mends them
+    if any(text.startswith((MISSED, TURNED, ZEROED)) for text in found):  # no experiment mends a wrong model
         return found
     for one in joint.combinations:
         found.append(f"{one.name} is known only as a whole ({one.words})")
@@ -149,9 +147,13 @@ def joint_warnings(joint: JointActuator) -> list[str]:
     if scaleless:
         names = ", ".join(one.name.replace("_", " ") for one in joint.known if one.label in _UNSCALED)
         found.append(f"{names}: {SCALE}")
+    partners = {one.name: one.together for one in joint.known if one.label == "weak"}
+    is_light = (partners.get("full_torque"), partners.get("armature")) == ("armature", "full_torque")
+    if is_light:
+        found.append(f"full torque and armature are weak, each known only with the other: {LITTLE_WEIGHT}")
     swings = any(one.name == "back_emf" for one in joint.known)  # found only where the logs have some
     for one in joint.known:
-        if scaleless and one.label in _UNSCALED:
+        if (scaleless and one.label in _UNSCALED) or (is_light and one.together in ("full_torque", "armature")):
             continue
         if one.label in ("weak", "not separable") and one.name in EXPERIMENTS and not joint.combinations:
             step = MORE_SWINGS if swings and one.name in ("viscous", "back_emf") else EXPERIMENTS[one.name]
