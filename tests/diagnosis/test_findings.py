@@ -20,6 +20,8 @@ from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.checks import CHECKS
 from dynident.diagnosis.checks.base import CheckedLog
+from dynident.diagnosis.checks.readings import simple_ratio
+from dynident.diagnosis.examination import ordered
 from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair
@@ -123,6 +125,10 @@ FAULTS: dict[str, tuple[str, Callable[[Trial], Trial], tuple[str, str, str], str
     "one torque for ever": (
         "resolution", put("tau", (ALL, 2), 1.5), ("error", "torque never changes", "joint3 of it"), "one value in all",
     ),
+    "a torque that dies": (
+        "saturation", put("tau", (slice(500, 900), 1), 0.0), ("error", "torque held", "joint2 of it"),
+        r"0 in all 400 rows from 5 s to 8\.99 s \(20 % of the log\), while the joint moves",
+    ),
     "a torque written twice": (
         "equal_columns", lambda t: changed(t, "tau", lambda v: v.__setitem__((ALL, 2), v[:, 0])),
         ("error", "equal columns", "joint1 of it, joint3 of it"), "are the same in all 2000 samples",
@@ -167,6 +173,35 @@ def test_a_fault_is_told_in_true_words(fault: str, trial: Trial, tmp_path: Path)
 @pytest.mark.parametrize("check", sorted({check for check, *_ in FAULTS.values()}))
 def test_nothing_is_told_of_the_clean_log(check: str, trial: Trial, tmp_path: Path) -> None:
     assert told(commanded()(trial), check, tmp_path) == []
+
+
+def test_a_torque_with_a_dead_zone_is_not_held(trial: Trial, tmp_path: Path) -> None:
+    """The TIAGo's wrist has a zero as long as 240 rows, and others nearly as long."""
+
+    def dead_zone(values: np.ndarray) -> None:
+        middle, half = np.quantile(values[:, 1], 0.5), 0.3 * np.ptp(values[:, 1])
+        near = np.abs(values[:, 1] - middle) < half
+        values[near, 1] = middle
+
+    dead = changed(trial, "tau", dead_zone)
+    assert [found.name for found in told(dead, "saturation", tmp_path)] == []
+
+
+def test_of_two_findings_that_explain_each_other_one_is_told() -> None:
+    scale = Finding("error", "torque scale", "joint1", "", "", {}, ("torque unit", "spring"))
+    unit = Finding("error", "torque unit", "", "", "", {}, ("torque scale",))
+    spring, warned = Finding("note", "spring", "joint2", "", ""), replace(unit, severity="warning")
+    assert ordered([unit, scale, spring]) == (unit,) and ordered([scale, unit, spring]) == (scale,)
+    assert ordered([warned, scale]) == (scale,) and ordered([unit, spring]) == (unit, spring)
+    assert ordered([unit], [scale]) == ()
+
+
+@pytest.mark.parametrize(
+    ("value", "half_width", "ratio"),
+    [(0.9792, 0.04, 1.0), (-1.02, 0.05, -1.0), (0.97, 0.02, 0.0), (1.0, 0.04, 0.0), (0.49, 0.02, 0.5), (3.1, 0.2, 3.0)],
+)
+def test_a_coupling_whose_interval_holds_a_whole_ratio(value: float, half_width: float, ratio: float) -> None:
+    assert simple_ratio(value, half_width) == ratio
 
 
 def test_joints_at_rest_or_without_torque_are_no_equal_columns(trial: Trial, tmp_path: Path) -> None:

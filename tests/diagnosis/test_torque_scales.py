@@ -71,6 +71,21 @@ def test_several_torques_in_other_scales_are_no_other_robot(
         assert error.numbers[f"factor {name}"] == pytest.approx(1 / factor, rel=0.06)
 
 
+@pytest.mark.parametrize("times", [[1.0] * 6, [1.0, 0.6, 2.0, 0.4, 1.5, 1.0]])
+def test_torques_of_motors_before_their_gears_are_one_error(trial: Trial, times: list[float], tmp_path: Path) -> None:
+    """The scale of one joint against the others and the unit of all follow from each other: one of the two is told."""
+    columns = {key: values.copy() for key, values in trial.columns.items()}
+    columns["tau"] /= np.multiply(80.0, times)
+    (error,) = warned(replace(trial, columns=columns), tmp_path)
+    assert (error.severity, error.name) == ("error", "torque unit" if times[0] == times[1] else "torque units")
+    if error.name == "torque units":
+        assert "before their gears" in error.remedy and len(error.numbers) > 2
+        told = {
+            f"ratio {name}": 0.0125 / factor for name, factor in zip(trial.case.robot.joint_names, times, strict=True)
+        }
+        assert all(error.numbers[name] == pytest.approx(told[name], rel=0.5) for name in error.numbers)
+
+
 @pytest.mark.parametrize(
     ("joint", "times"),
     [

@@ -84,11 +84,11 @@ def run(options: argparse.Namespace) -> int:
         facts = {**found.figures(), "vendors": forms, "vendors_have_inertia": bool(forms) and found.inertia_known}
         console.answer_json(facts)
     else:
-        _show(found, forms, is_weighed=bool(options.mass) and not options.mass_std)
+        _show(found, forms, weighed=None if options.mass_std else options.mass)
     return 0 if found.placed else 1
 
 
-def _show(found: CarriedLoad, forms: dict[str, str], *, is_weighed: bool) -> None:
+def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -> None:
     from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
 
@@ -97,8 +97,9 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, is_weighed: bool) -> Non
         shown = (MISSING, MISSING)
         if one.label != "not determined":
             shown = (format_value(one.value, one.half_width)[0], format_number(one.half_width, 2))
-        if one is found.mass and is_weighed:
-            shown = (format_number(one.value, 4), "stated")
+        if one is found.mass and weighed:
+            rows.append((one.name, f"{weighed:.10g}", MISSING, pretty_unit(one.unit), "stated"))
+            continue
         rows.append((one.name, *shown, pretty_unit(one.unit), one.label))
     columns = (
         Column("parameter"),
@@ -111,8 +112,9 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, is_weighed: bool) -> Non
     console.answer(f"payload in the frame {label(found.frame)}, carried by {label(found.link)}, from {counted}\n")
     console.answer_table(Table(columns, tuple(rows)))
     console.answer("\nmoments are about the origin of the frame")
-    parts = ", ".join(f"{name} {format_number(value, 2)}" for name, value in found.parts.items() if value > 0)
-    console.answer(f"standard deviation of the mass by source, in kg: {parts}")
+    if not weighed:
+        parts = ", ".join(f"{name} {format_number(value, 2)}" for name, value in found.parts.items() if value > 0)
+        console.answer(f"standard deviation of the mass by source, in kg: {parts}")
     console.answer("\nroot mean square torque that is left, without and with the payload in the model:")
     for name, (without, with_it) in found.residual.items():
         console.answer(f"  {label(name)}: {format_number(without, 3)}, {format_number(with_it, 3)}")

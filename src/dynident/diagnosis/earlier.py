@@ -61,7 +61,7 @@ def check_same(estimate: Estimate, model: DynamicModel, name: str) -> None:
     evidence = f"an estimate of other base parameters ({estimate.base.count} beside {ours.count}, such as {differs})"
     step = "give the robot, locked joints and friction with which it was identified"
     if set(model.robot.joint_names) < set(estimate.model.robot.joint_names):
-        step += ", or the robot model that 'dynident export' writes from it, the other joints locked"
+        step += ", or none with the robot model that 'dynident export' writes from it, the other joints locked"
     raise BadOption(name, evidence, step)
 
 

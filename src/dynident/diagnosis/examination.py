@@ -34,9 +34,6 @@ STILL = "joint never moved"
 #: Name of the finding of those that other logs move.
 RESTS = "at rest in one log"
 
-#: Name of the finding of motions that determine too little, which those of logs with joints at rest do alone.
-POOR = "poor excitation"
-
 #: Errors that are gone once the safe repairs are made.
 _MENDABLE = ("values that are not finite", "repeated rows", "rows out of order", "encoder wrap")
 
@@ -233,7 +230,6 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> _PartOfL
     if pooled.fit is not None:
         before = [finding for one in together for finding in one.found]
         told = _of_stage(checks, replace(together[0].subject, pooled=pooled.fit), before)
-        told = [each for each in told if each.name != POOR or not any(one.rests for one in together)]
         for one in together:
             one.others = told
     apart = [k for k in range(len(group)) if k not in pooled.together]
@@ -351,12 +347,22 @@ def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Fin
 
 
 def ordered(found: Sequence[Finding], others: Sequence[Finding] = ()) -> tuple[Finding, ...]:
-    """Return findings with the gravest first, those that another one of these or of ``others`` explains left out."""
-    explained = {name for finding in (*found, *others) for name in finding.explains}
+    """Return findings with the gravest first, those that another one of these or of ``others`` explains left out.
+
+    Of two that explain each other the graver one stays, or the first.
+    """
+    elsewhere = {name for finding in others for name in finding.explains}
     first: dict[tuple[str, str], Finding] = {}
     for finding in sorted(found, key=_rank):  # two checks may see one thing: the gravest tells it
         first.setdefault((finding.name, finding.joint), finding)
-    kept = [finding for finding in first.values() if finding.name not in explained]
+    told = list(first.values())
+    kept = [
+        own
+        for k, own in enumerate(told)
+        if own.name not in elsewhere
+        and not any(own.name in other.explains for other in told[:k])
+        and not any(own.name in other.explains and other.name not in own.explains for other in told[k + 1 :])
+    ]
     return tuple(sorted(kept, key=_rank))
 
 

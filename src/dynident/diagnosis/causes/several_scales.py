@@ -82,12 +82,16 @@ def _scores(fit: QuickFit, scales: Array) -> Array:
     return np.log(fit.variances(fit.shared, mixings)).sum(axis=1) - 2.0 * scales.sum(axis=1)
 
 
-def _starts(fit: QuickFit) -> list[Array]:
-    """Return where the search begins: at the torques as they are, and at sizes like those of the robot model."""
+def nominal_ratios(fit: QuickFit, explained: float = EXPLAINED) -> Array:
+    """Return the torque of each joint over that of the robot model's masses, friction taken out of both, shape (n,).
+
+    NaN where that explains less than a share of the torque's variance, or there are no masses.
+    """
     count, nominal = fit.model.robot.dof, fit.model.nominal()
+    ratios = np.full(count, np.nan)
     if nominal is None:
-        return [np.zeros(count)]
-    beta, ratios = fit.base.from_standard(nominal), np.full(count, np.nan)
+        return ratios
+    beta = fit.base.from_standard(nominal)
     for k, (block, own) in enumerate(zip(fit.rows.blocks, fit.rows.columns, strict=True)):
         mask, is_friction = fit.rows.masks[:, k], fit.base.is_friction[own]
         if not fit.moves[k]:
@@ -96,11 +100,17 @@ def _starts(fit: QuickFit) -> list[Array]:
         pair = np.column_stack([block[mask] @ np.where(is_friction, 0.0, beta[own]), fit.rows.torque[mask, k]])
         left = pair - friction @ np.linalg.lstsq(friction, pair, rcond=None)[0]
         ratio, correlation = scale_against(*left.T)
-        ratios[k] = ratio if ratio > 0 and correlation**2 >= EXPLAINED else np.nan
-    known = np.isfinite(ratios)
+        ratios[k] = ratio if ratio > 0 and correlation**2 >= explained else np.nan
+    return ratios
+
+
+def _starts(fit: QuickFit) -> list[Array]:
+    """Return where the search begins: at the torques as they are, and at sizes like those of the robot model."""
+    ratios = nominal_ratios(fit)
+    known, plain = np.isfinite(ratios), np.zeros(len(ratios))
     if known.sum() < 2:
-        return [np.zeros(count)]
-    return [np.zeros(count), np.where(known, -np.log(np.where(known, ratios, 1.0)), -np.median(np.log(ratios[known])))]
+        return [plain]
+    return [plain, np.where(known, -np.log(np.where(known, ratios, 1.0)), -np.median(np.log(ratios[known])))]
 
 
 def _lowered(fit: QuickFit, start: Array) -> Array:

@@ -304,20 +304,32 @@ def _couplings(fit: QuickFit) -> Iterator[Interpretation]:
     if any(turns[motor] and turns[joint] and abs(value) > MOST_COUPLED for motor, joint, value, _ in found.entries):
         return
     names = fit.model.robot.joint_names
-    told = [
-        f"the motor of {names[motor]} {'turns' if turns[motor] else 'moves'} {value:.4g}"
-        f"{f' (+- {2.0 * spread:.1g})' * bool(spread)} times {names[joint]}"
-        f"{f' (a lead of {2e3 * np.pi * abs(value):.3g} mm)' * (turns[joint] and not turns[motor])}"
-        for motor, joint, value, spread in found.entries
-    ]
+    stated, told = found.matrix.copy(), list[str]()
+    for motor, joint, value, spread in found.entries:
+        near = simple_ratio(value, 2.0 * spread) if turns[motor] == turns[joint] else 0.0
+        stated[motor, joint] = near or value
+        within = f" (+- {2.0 * spread:.1g}{f', {near:g} is within' * bool(near)})" * bool(spread)
+        lead = f" (a lead of {2e3 * np.pi * abs(value):.3g} mm)" * (turns[joint] and not turns[motor])
+        told.append(
+            f"the motor of {names[motor]} {'turns' if turns[motor] else 'moves'} {value:.4g}{within} times "
+            f"{names[joint]}{lead}"
+        )
     left = ", ".join(f"{names[i]} {found.before[i]:.1%} to {found.after[i]:.1%}" for i in touched)
     evidence = f"{', '.join(told)} as well: relative residual {left};"
-    rows = ", ".join(f"[{', '.join(f'{value + 0.0:.4g}' for value in row)}]" for row in found.matrix)
+    rows = ", ".join(f"[{', '.join(f'{value + 0.0:.4g}' for value in row)}]" for row in stated)
     side = "; log: side: {torque: motor}, as these are torques of the motors" if found.at_motors else ""
     remedy = f"state the kinematic coupling of the drives, motor speed = C joint speed (coupling: [{rows}]{side})"
     numbers = {f"entry {motor + 1}, {joint + 1}": value for motor, joint, value, _ in found.entries}
     joints, freedom = tuple(names[i] for i in touched), len(found.entries)
     yield Interpretation("coupling", joints, found.gain, evidence, remedy, found.reading, numbers, freedom)
+
+
+def simple_ratio(value: float, half_width: float) -> float:
+    """Return the ratio of gears that is likeliest within an interval: 1, else another whole one or 1/2; 0 for none."""
+    for size in (1.0, 2.0, 3.0, 4.0, 0.5):
+        if 0.0 < abs(abs(value) - size) <= half_width:
+            return size if value > 0 else -size
+    return 0.0
 
 
 def _mountings(fit: QuickFit) -> Iterator[Interpretation]:

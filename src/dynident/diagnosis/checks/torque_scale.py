@@ -9,10 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.case.evidence.torques import EXPLAINED, agrees, scale_against
+from dynident.case.evidence.torques import EXPLAINED, OFF, agrees, scale_against
 from dynident.diagnosis.causes.column_readings import variance_falls
 from dynident.diagnosis.causes.known_bodies import KnownBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.several_scales import nominal_ratios
 from dynident.diagnosis.causes.torque_scales import JointScale, mixing_of, other_scales
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
@@ -22,6 +23,9 @@ from dynident.model.friction import Motion
 #: Factor against the masses of the robot model, and correlation with their torque, beyond which the unit is wrong for
 #: certain: no robot model is off by as much.
 FAR_OFF, SURE = 20.0, 0.9
+
+#: Ratio of the largest factor against these masses to the smallest from which the drives have factors of their own.
+APART = 1.5
 
 #: Deviation of a weight over its mean below which it is constant, share of it that is held the other way for sure, and
 #: speed in m/s over which the sign of friction is smoothed.
@@ -43,9 +47,9 @@ class TorqueScale(Check):
             return []
         found = other_scales(subject.scales)
         return [
+            *_all_joints(fit, found, subject.known),
             *_one_joint(subject, found),
             *_open_scales(fit, subject.scales),
-            *_all_joints(fit, found, subject.known),
             *_lifted(fit),
         ]
 
@@ -111,7 +115,28 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies |
         )
         remedy = f"mounted upside down? state it (gravity: [{gravity}] in the frame of the base)"
         return [Finding("error", "mounting", "", evidence, remedy, {"correlation": alike}, CONSEQUENCES)]
-    return _other_unit(ratio, alike, "the robot model")
+    return _other_units(fit) or _other_unit(ratio, alike, "the robot model")
+
+
+def _other_units(fit: QuickFit) -> list[Finding]:
+    """Return that the torques are far off those of the robot model's masses, each by a factor of its own."""
+    ratios = nominal_ratios(fit, SURE**2)
+    told = np.flatnonzero(np.isfinite(ratios))
+    logs = np.log(ratios[told])
+    if len(told) < max(2, fit.moves.sum() / 2) or not abs(np.median(logs)) > np.log(FAR_OFF):
+        return []
+    if not np.all(np.sign(np.median(logs)) * logs > np.log(OFF)) or np.ptp(logs) < np.log(APART):
+        return []
+    names = [fit.model.robot.joint_names[k] for k in told]
+    each = ", ".join(f"{1 / ratio:.3g} ({name})" for ratio, name in zip(ratios[told], names, strict=True))
+    evidence = f"the robot model's masses ask for {each} times the measured torques"
+    remedy = (
+        "torques of the motors before their gears, or rated torques of the motors in place of the joints'? state gains "
+        "and gear ratios (drives: {JOINT: {gain: ..., gear_ratio: ...}}), or rated torques at the joints (log: rated)"
+    )
+    numbers = {f"ratio {name}": float(ratio) for name, ratio in zip(names, ratios[told], strict=True)}
+    explains = (*CONSEQUENCES, "torque scales", "another robot", "coupling")
+    return [Finding("error", "torque units", listed(names), evidence, remedy, numbers, explains)]
 
 
 def _lifted(fit: QuickFit) -> list[Finding]:
