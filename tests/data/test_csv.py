@@ -66,7 +66,13 @@ COLUMNS = 1 + np.arange(4) + np.arange(ROWS)[:, None] / 8
 
 @pytest.mark.parametrize(
     ("separator", "word", "name"),
-    [(",", "comma", "a.csv"), (";", "semicolon", "a.txt"), ("\t", "tab", "a.tsv"), (" ", "space", "a.TXT")],
+    [
+        (",", "comma", "a.csv"),
+        (";", "semicolon", "a.txt"),
+        ("\t", "tab", "a.tsv"),
+        (" ", "space", "a.TXT"),
+        ("\t", "tab", "a.dat"),
+    ],
 )
 def test_the_separator_is_found_in_the_header(tmp_path, separator, word, name):
     lines = table("t,q1,q2,tau1,tau2".replace(",", separator), separator=separator)
@@ -345,7 +351,7 @@ def test_an_unknown_suffix_lists_the_formats(tmp_path):
     with pytest.raises(LogFormatError) as caught:
         read_log(path)
     assert str(caught.value) == (
-        f"{path}: no log format has the suffix '.xyz'; the formats are: bam (.json); csv (.csv, .txt, .tsv); "
+        f"{path}: no log format has the suffix '.xyz'; the formats are: bam (.json); csv (.csv, .txt, .tsv, .dat); "
         "mat (.mat, .h5, .hdf5); npz (.npz, .npy); parquet (.parquet, .pq); rosbag (.bag, .db3, .mcap); trajectory (by "
         "name only); twincat_scope (by name only)"
     )

@@ -26,7 +26,7 @@ class Csv(LogFormat):
     decimal: str = "."
     names: tuple[str, ...] = ()
 
-    suffixes: ClassVar = (".csv", ".txt", ".tsv")
+    suffixes: ClassVar = (".csv", ".txt", ".tsv", ".dat")
 
     def __post_init__(self) -> None:
         if self.decimal not in (".", ","):
