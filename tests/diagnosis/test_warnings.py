@@ -12,7 +12,9 @@ from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, i
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.diagnosis.verdict import check_warnings, errors_in
 from dynident.diagnosis.warnings import warnings_of
+from dynident.identification.consistency.log_cholesky_fit import BOUNDARY, UNFINISHED
 from dynident.identification.problem.choices import Choices, GainUncertainty, NoiseBias
+from dynident.identification.problem.method_run import MethodRun
 from dynident.model.friction import FRICTION, Motion
 
 
@@ -40,6 +42,15 @@ HOW = Preprocessing(AsGiven(), rest="keep")
 def test_a_sound_estimate_has_no_warning() -> None:
     model, log = recorded()
     assert warnings_of(identify(model, [log], preprocessing=HOW)) == ()
+
+
+def test_a_search_that_ended_far_from_the_proven_optimum_is_told() -> None:
+    model, log = recorded()
+    estimate = replace(identify(model, [log], preprocessing=HOW), estimator="log_cholesky")
+    ended = [replace(estimate, run=MethodRun(verdict=word, gap=3.0)) for word in (UNFINISHED, BOUNDARY)]
+    (text,) = warnings_of(ended[0])
+    assert "'log_cholesky' did not converge: it ended at 4 times the objective of the proven optimum" in text
+    assert warnings_of(ended[1]) == ()
 
 
 @pytest.mark.parametrize(("name", "warned"), [("five_point", True), ("butterworth", False)])

@@ -54,17 +54,24 @@ def test_inside_it_is_the_convex_optimum(
 
 
 @pytest.mark.parametrize("arm", ["planar_2r", "spatial_3r"])
-def test_on_the_boundary_it_stops_and_says_so(
+def test_an_end_on_the_boundary_far_from_the_proven_optimum_is_none(
     arm: str, request: pytest.FixtureRequest, exact_log: Callable[..., Log]
 ) -> None:
     robot = request.getfixturevalue(arm)
     problem = posed(robot, exact_log, -0.5, 0.2)
     found, best = LogCholesky().solve(problem), Consistent(bodies="free").solve(problem)
-    assert found.run.verdict == BOUNDARY and found.run.iterations <= 100
+    assert found.run.verdict == UNFINISHED and found.run.iterations <= 100 and found.run.gap > 0.1
     assert robot.links[-1].name in found.run.singular_links
-    assert -1e-6 <= found.run.gap < np.inf
     assert found.theta is not None and broken_conditions(problem.model, found.theta) == ()
     assert any(robot.links[-1].name in words for words in best.run.active)
+
+
+@pytest.mark.parametrize("arm", ["planar_2r", "spatial_3r"])
+def test_on_the_boundary_near_the_proven_optimum_it_stops_and_says_so(
+    arm: str, request: pytest.FixtureRequest, exact_log: Callable[..., Log]
+) -> None:
+    found = LogCholesky().solve(posed(request.getfixturevalue(arm), exact_log, 0.5, 3.0)).run
+    assert found.verdict == BOUNDARY and found.iterations < 100 and found.singular_links and found.gap < 0.01
 
 
 def test_too_few_steps_are_said(planar_2r: Robot, exact_log: Callable[..., Log]) -> None:

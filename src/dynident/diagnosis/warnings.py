@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dynident.diagnosis.verdict import check_warnings, quality_of
+from dynident.identification.consistency.log_cholesky_fit import UNFINISHED
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import CutoffSensitivity
@@ -49,6 +50,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     total = estimate.train.total_relative_error
     if total > POOR_FIT:
         found.append(f"relative error {100 * total:.0f} % on the training data: check units, gains and gravity")
+    found += _unfinished(estimate)
     found += _gains(estimate)
     found += _position_noise(estimate)
     found += _one_sided(estimate)
@@ -126,6 +128,17 @@ def _unlike(estimate: Estimate, test: Validation) -> list[str]:
             return [f"{told}: {motion}; or {look} as its cause"]
         return [f"{told}: {look} as its cause ('dynident payload' weighs a load); {motion}"]
     return [f"{told}: {look} as its cause; 'dynident payload' weighs a load"]
+
+
+def _unfinished(estimate: Estimate) -> list[str]:
+    """Return that a search ended far from the optimum that is proven of the same problem."""
+    run = estimate.run.data()
+    if run.get("verdict") != UNFINISHED:
+        return []
+    times = f"{1 + run['gap']:.3g} times the objective of the proven optimum"
+    return [
+        f"'{estimate.estimator}' did not converge: it ended at {times}; use the estimator 'consistent', which finds it"
+    ]
 
 
 def _gaps(estimate: Estimate) -> list[str]:

@@ -1,7 +1,7 @@
 """Gauss-Newton over log-Cholesky forms of the links: always possible robots, and no minimum on the boundary.
 
 P_i = U_i U_i' with ten free numbers each (Rucker and Wensing 2022, (12)). Where the best possible robot has a link with
-a singular pseudo-inertia, no values of the ten reach it: exponents run to minus infinity. That is detected and said.
+a singular pseudo-inertia, no values of the ten reach it: exponents run to minus infinity, and far from it as well.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ SINGULAR = 1e-6
 #: Predicted fall of the objective, as a share of f + 1/2, that ends the search.
 _ENOUGH = 1e-9
 
-#: Fall over some iterations below which the search crawls, and over how many.
-_CRAWL, _WINDOW = 1e-3, 5
+#: Fall over some iterations below which the search crawls, over how many, and how near the proven optimum that ends it.
+_CRAWL, _WINDOW, _NEAR = 1e-3, 5, 0.01
 
 #: Smallest exponent of the diagonal of U: beyond it a link is singular to rounding, and the ten are lost in it.
 _LEAST = -11.0
@@ -54,7 +54,7 @@ class Descent:
     singular: tuple[str, ...]
 
 
-def descend(program: Program, most: int) -> Descent:
+def descend(program: Program, most: int, best: float) -> Descent:
     """Minimise a quadratic program over log-Cholesky forms and bounded coefficients, from the prior.
 
     Levenberg-Marquardt with the exact Jacobian on the triangle; coefficients at their bound whose gradient points out
@@ -63,6 +63,7 @@ def descend(program: Program, most: int) -> Descent:
     Args:
         program: Without entropic prior, equations or stated inequalities; its links' margin is not used.
         most: Largest number of steps.
+        best: The objective of the proven optimum, without which a crawl far from it would look like the boundary.
     """
     links, size = program.links, program.data.shape[1]
     quadratic = np.vstack([program.data, program.pull])
@@ -77,8 +78,7 @@ def descend(program: Program, most: int) -> Descent:
     for i in range(links):
         x[10 * i : 10 * i + 10] = Inertia.from_vector(program.start[10 * i : 10 * i + 10]).log_cholesky
     damping, trace = 1e-3, [_cost(root, aim, x, links)]
-    verdict = UNFINISHED
-    steps = 0
+    verdict, steps = UNFINISHED, 0
     while steps < most:
         steps += 1
         phi, slope = bodies_of(x, links)
@@ -87,12 +87,13 @@ def descend(program: Program, most: int) -> Descent:
         x, damping, fall = _step(root, aim, x, links, jacobian, rest, (lower, held), damping)
         trace.append(_cost(root, aim, x, links))
         level = trace[-1] + 0.5
-        singular = _singular(program, bodies_of(x, links)[0])
-        if fall <= _ENOUGH * level:
-            verdict = BOUNDARY if singular else CONVERGED
-            break
-        if singular and len(trace) > _WINDOW and trace[-1 - _WINDOW] - trace[-1] < _CRAWL * level:
-            verdict = BOUNDARY
+        phi = bodies_of(x, links)[0]
+        singular = _singular(program, phi)
+        ends = fall <= _ENOUGH * level
+        if program.objective(phi) <= best + _NEAR * (best + 0.5):
+            verdict = BOUNDARY if singular else CONVERGED if ends else UNFINISHED
+            ends |= bool(singular) and len(trace) > _WINDOW and trace[-1 - _WINDOW] - trace[-1] < _CRAWL * level
+        if ends:
             break
     phi = _possible(program, bodies_of(x, links)[0])
     return Descent(phi, program.objective(phi), verdict, steps, _singular(program, phi))

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from dynident.errors import BadOption
 from dynident.identification.consistency.consistent_fit import consistent_fit, data_shares, pose_program, scale_of
-from dynident.identification.consistency.log_cholesky_fit import BOUNDARY, UNFINISHED, descend
+from dynident.identification.consistency.log_cholesky_fit import descend
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.method_run import MethodRun
@@ -30,8 +30,8 @@ class LogCholesky(Estimator):
     """Weighted least squares over the log-Cholesky forms of the links (Rucker and Wensing 2022), by Gauss-Newton.
 
     It minimises what `consistent` minimises. Where the optimum lies on the boundary of the possible, as it mostly does
-    when least squares is impossible, no log-Cholesky form reaches it: the search stops there, says so, and states how
-    far it ended from the proven optimum of `consistent`. What the problem states about bodies is not kept.
+    when least squares is impossible, no log-Cholesky form reaches it: the search stops within 1 % of the proven optimum
+    of `consistent`, says so, and states how far it ended from it. What the problem states about bodies is not kept.
 
     Attributes:
         pull: How tightly the prior holds: its standard deviation is 1 / sqrt(pull) natural sizes of a parameter.
@@ -65,14 +65,14 @@ class LogCholesky(Estimator):
         best = program.objective(proven.theta / scale.parameters)
         held = {str(condition["condition"]) for condition in proven.active}
         with one_blas_thread():
-            found = descend(program, self.iterations)
+            found = descend(program, self.iterations, best)
             shares = data_shares(program, found.phi)
         theta = found.phi * scale.parameters
         words = zip(program.conditions.links, program.conditions.cone_words, strict=True)
         singular = [name for name, text in words if text in held or name in found.singular]
         run = LogCholeskyRun(
             prior=scale.source,
-            verdict=BOUNDARY if singular and found.verdict == UNFINISHED else found.verdict,
+            verdict=found.verdict,
             iterations=found.iterations,
             singular_links=singular,
             gap=(found.objective - best) / (best + 0.5),
