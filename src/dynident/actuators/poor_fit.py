@@ -1,4 +1,4 @@
-"""Roll-outs that do not follow their logs, and the likely cause: the encoder's zero, or a gain that is not so large."""
+"""Roll-outs that do not follow their logs, and the likely cause: a gain that is not so large."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ EXTRAPOLATION = "extrapolation"
 #: A cause is told where it leaves this share of the error of the torques at most.
 _EXPLAINS = 0.5
 
-#: Angles of the encoder's zero that are tried, and delay in s of the torques there.
-_ANGLES, _DELAY_S = 144, 0.01
+#: Delay in s of the torques that is assumed.
+_DELAY_S = 0.01
 
 #: Place of the limit of the duty among the numbers of a drive law.
 _MOST = 1
@@ -54,13 +54,12 @@ def poor_fit(data: JointData, parameters: Array) -> str:
     if 2 * bad.sum() <= len(train):
         return _unlike([one.name for one in train], bad, errors / np.maximum(moved, 1e-9))
     share = float(errors.sum() / max(moved.sum(), 1e-9))
-    missed, (angle, limited, is_told) = f"{MISSED} {100 * min(share, 9.99):.0f} % of the motion", _cause(data)
+    missed, (limited, is_told) = f"{MISSED} {100 * min(share, 9.99):.0f} % of the motion", _limited(data)
     at_limit = f"by kp and the drive law the duty is at its limit in {100 * limited:.0f} % of it"
     if is_told:
         return f"{missed}: {at_limit}, by the torques it is not; correct kp, error_gain and limit"
-    told = f" (the weight fits about {angle:.2f} rad more)" if angle else ""
     return (
-        f"{missed}: check the angle where the encoder reads 0{told}, log: {{zero: [...]}}, the direction of the axis "
+        f"{missed}: check the angle where the encoder reads 0, log: {{zero: [...]}}, the direction of the axis "
         f"in the robot model and of the commands, law and kp{f' ({at_limit})' if limited else ''}"
     )
 
@@ -89,34 +88,20 @@ def _unlike(logs: Sequence[str], bad: BoolArray, shares: Array) -> str:
     )
 
 
-def _cause(data: JointData) -> tuple[float, float, bool]:
-    """Return what explains the torques in motion much better than the drive law does.
+def _limited(data: JointData) -> tuple[float, bool]:
+    """Return the share of the samples at the limit of the duty, and whether a duty without one explains the torques.
 
-    That is the angle in rad at which the weight fits them, 0 for none, or a duty that is not limited: the share of the
-    samples in motion with the drive on that are at the limit, and whether it explains them.
-
-    Bias torque and its derivative along the motion give the weight at any zero: b(q + d) = b(q) cos d + b'(q) sin d.
+    The share is of samples in motion with the drive on; explained are the torques where much less of them is left.
     """
-    (matrix, target, bias, slope), limited = _rows(data.rows)
+    (matrix, target), limited = _rows(data.rows)
     if len(target) < len(_COLUMNS) + 3:
-        return 0.0, limited, False
+        return limited, False
     free = [replace(one, law=np.where(np.arange(4) == _MOST, np.inf, one.law), fixed={}) for one in data.rows]
-    unlimited = nnls(*_rows(free)[0][:2])[1]
-    factor = np.asarray(np.linalg.qr(np.column_stack([matrix, target, bias, slope]), mode="r"))
-    matrix, target, bias, slope = factor[:, :-3], factor[:, -3], factor[:, -2], factor[:, -1]
-    angles = np.linspace(-np.pi, np.pi, _ANGLES, endpoint=False)
-    others = [target + (np.cos(angle) - 1.0) * bias + np.sin(angle) * slope for angle in angles]
-    size = np.linalg.norm(target)
-    errors = np.array([size * nnls(matrix, own)[1] / np.linalg.norm(own) for own in others])
-    least = _EXPLAINS * errors[_ANGLES // 2]
-    if unlimited < min(least, errors.min()):
-        return 0.0, limited, True
-    best = int(np.argmin(errors))
-    return (float(angles[best]) if errors[best] < least else 0.0), limited, False
+    return limited, bool(nnls(*_rows(free)[0])[1] < _EXPLAINS * nnls(matrix, target)[1])
 
 
-def _rows(rows: Sequence[StartRows]) -> tuple[Sequence[Array], float]:
-    """Return columns, target, bias torque and its derivative in motion, each (K, ...), and the share at the limit."""
+def _rows(rows: Sequence[StartRows]) -> tuple[tuple[Array, Array], float]:
+    """Return columns and target in motion, (K, 5) and (K,), and the share at the limit."""
     blocks, near = [], []
     for one in rows:
         duty, is_near = duty_of(one, _DELAY_S, np.inf)
@@ -124,8 +109,8 @@ def _rows(rows: Sequence[StartRows]) -> tuple[Sequence[Array], float]:
         one.fixed.pop("full_torque", None)
         columns = np.column_stack([one.column(name, duty, 0.0) for name in _COLUMNS])
         one.fixed.pop("full_torque", None)
-        parts = columns, one.target, one.motion.filtered(-one.external), one.motion.filtered(one.slope)
-        blocks.append([part[moves] for part in parts])
+        blocks.append((columns[moves], one.target[moves]))
         near.append(is_near[moves & (one.on > 0.5)])
     share = np.concatenate(near)
-    return [np.concatenate(part) for part in zip(*blocks, strict=True)], float(share.mean()) if len(share) else 0.0
+    matrix, target = (np.concatenate(part) for part in zip(*blocks, strict=True))
+    return (matrix, target), float(share.mean()) if len(share) else 0.0
