@@ -161,6 +161,22 @@ def test_a_run_without_payload_says_so(robot: Robot, estimate: Estimate) -> None
         vendor_forms(found)
 
 
+@pytest.mark.parametrize(("flange", "is_told"), [("link2", True), ("link4", True), ("link6", False), ("", False)])
+def test_a_payload_on_another_link_than_the_stated_one_is_named(
+    robot: Robot, estimate: Estimate, flange: str, is_told: bool
+) -> None:
+    """Its load had been no payload at all, or one that nothing explains."""
+    names = [link.name for link in robot.links]
+    last = estimate.model.robot.frames[robot.tool].link if robot.tool in robot.frames else len(names) - 1
+    own = names[int(flange[-1]) - 1] if flange else ""
+    found = identify_payload(estimate, [run_of(with_body(robot), 2)], flange=own)
+    told = [
+        one for one in found.remarks if one.startswith(f"a payload on {names[last]} explains the torques far better")
+    ]
+    assert bool(told) is is_told
+    assert not is_told or "--flange " in told[0]
+
+
 def test_a_log_of_another_robot_says_so(robot: Robot, estimate: Estimate) -> None:
     """Two columns are exchanged, or all torques have the other sign."""
     log = run_of(with_body(robot), 2)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from dynident.applications.payload.difference_fit import (
 )
 from dynident.applications.payload.gain_doubt import GainDoubt, gain_doubt, scaled_rows
 from dynident.applications.payload.poses import holding_friction, mostly_standing, posture_log
-from dynident.applications.payload.statement import PayloadFit, stated
+from dynident.applications.payload.statement import PayloadFit, stated, unexplained
 from dynident.arrays import Array, IntArray
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
@@ -32,6 +32,9 @@ from dynident.model.inertia import Inertia
 
 #: Fits: each takes weights, and the load of friction that grows with it, from the one before.
 PASSES = 3
+
+#: Share of the weighted squares that a payload leaves below which one on another link leaves far less: half the torque.
+FAR_BETTER = 0.25
 
 #: Natural sizes of a payload, by which unknowns are compared: kg and m.
 NATURAL = (1.0, 0.1)
@@ -228,7 +231,7 @@ class _Run:
             "gains": np.zeros_like(noise) if doubt is None else doubt.covariance,
             "stated": found.by_known[:10].sum(axis=0),
         }
-        ten = slice(0, 10)
+        ten, left = slice(0, 10), (_rms(before, fit.passes), _rms(fit.residual, fit.passes))
         return PayloadFit(
             ten=found.x[ten],
             open=found.open[ten],
@@ -237,9 +240,27 @@ class _Run:
             place=self.place,
             rows=self.rows,
             samples=problem.samples,
-            residual=(_rms(before, fit.passes), _rms(fit.residual, fit.passes)),
+            residual=left,
             gains=doubt,
+            better=self._better(fit) if unexplained(*left, estimate) is not None else None,
         )
+
+    def _better(self, fit: _Pass) -> tuple[int, Array] | None:
+        """Return the link on which a payload leaves the least, with what is left; None where that is not far less.
+
+        The weights are those of the last fit: with those of a log that is explained the robot's own error takes up the
+        payload.
+        """
+        estimate, link = self.estimate, self.place[0]
+        weights = 1.0 / np.maximum(np.asarray(estimate.joint_deviations), 1e-300)
+        left = []
+        for k in range(len(estimate.model.robot.links)):
+            columns = np.hstack([estimate.base.matrix[:, 10 * k : 10 * k + 10], fit.known.columns[:, 10:]])
+            change = fit_difference(fit.passes.problem, fit.weights, replace(fit.known, columns=columns)).change
+            left.append(_rms(fit.passes.residuals(estimate.beta + change), fit.passes))
+        sizes = np.sum((weights * np.array(left)) ** 2, axis=1)
+        best = int(np.argmin(sizes))
+        return (best, left[best]) if sizes[best] < FAR_BETTER * sizes[link] else None
 
     def _pass(self, passes: RowPasses, deviations: Array, factors: Array) -> _Pass:
         self.progress("payload")

@@ -48,6 +48,8 @@ class PayloadFit:
         samples: Rows used.
         residual: Root mean square torque that is left without and with the payload, shape (n,) each.
         gains: Doubt about drive gains; None where no torque is made of one, or they are said to be exact.
+        better: Another link, on which a payload explains the torques far better, and what is left then, shape (n,);
+            None where the payload explains them, or no other link does.
     """
 
     ten: Array
@@ -59,6 +61,7 @@ class PayloadFit:
     samples: int
     residual: tuple[Array, Array]
     gains: GainDoubt | None = None
+    better: tuple[int, Array] | None = None
 
 
 def stated(found: PayloadFit, estimate: Estimate, flange: str, level: float, logs: tuple[str, ...]) -> CarriedLoad:
@@ -111,10 +114,15 @@ def _other_frames(found: PayloadFit, robot: Robot, flange: str) -> list[str]:
     ]
     if not own:
         return []
-    own.sort(key=lambda name: not any(word in name.lower() for word in FLANGES))
+    own = _likeliest(own)
     named = f"{', '.join(own[:4])}{', ...' if len(own) > 4 else ''}"
     text = f"stated in the frame of the last link, {robot.links[last].name}, which need not be the flange; "
     return [f"{text}the robot model has these frames on it: {named} (--flange NAME)"]
+
+
+def _likeliest(frames: list[str]) -> list[str]:
+    """Return names of frames, those that a payload is often stated in first."""
+    return sorted(frames, key=lambda name: not any(word in name.lower() for word in FLANGES))
 
 
 def _degrees(found: PayloadFit, total: Array) -> Array:
@@ -168,16 +176,34 @@ def _body(found: PayloadFit, covariance: Array) -> tuple[Inertia, float]:
     return body, float(np.sqrt(max(away @ information @ away, 0.0)))
 
 
-def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
-    """Return what is to be said where the payload leaves far more torque than the fit of the robot did."""
-    without, left = found.residual
+def unexplained(without: Array, left: Array, estimate: Estimate) -> int | None:
+    """Return the joint of which a payload leaves far more torque than the fit of the robot did; None for none.
+
+    Args:
+        without: Root mean square torque that is left without the payload, shape (n,).
+        left: The same with it, shape (n,).
+        estimate: The robot.
+    """
     usual = np.maximum(np.asarray(estimate.joint_deviations), 1e-300)
     worst = int(np.argmax(left / usual))
-    if found.rows != "motion" or left[worst] <= FAR * max(usual[worst], 1e-3 * without[worst]):
+    return worst if left[worst] > FAR * max(usual[worst], 1e-3 * without[worst]) else None
+
+
+def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
+    """Return what is to be said where the payload leaves far more torque than the fit of the robot did."""
+    worst, robot, left = unexplained(*found.residual, estimate), estimate.model.robot, found.residual[1]
+    if found.rows != "motion" or worst is None:
         return []
-    joint = estimate.model.robot.active[worst]
+    joint = robot.active[worst]
     text = f"no payload explains the torque of {joint.name}: {left[worst]:.3g} {joint.unit} are left, "
-    return [text + f"{usual[worst]:.3g} by the fit of the robot; intervals do not hold then"]
+    remarks = [text + f"{estimate.joint_deviations[worst]:.3g} by the fit of the robot; intervals do not hold then"]
+    if found.better is not None:
+        link, rest = found.better
+        own = robot.links[link].name
+        flange = next(iter(_likeliest([name for name, frame in robot.frames.items() if frame.link == link])), own)
+        text = f"a payload on {own} explains the torques far better, that of {joint.name} to {rest[worst]:.3g} "
+        remarks.insert(0, f"{text}{joint.unit}: --flange {flange}")
+    return remarks
 
 
 def _remarks(
