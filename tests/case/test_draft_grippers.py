@@ -129,3 +129,39 @@ def test_units_of_each_axis_in_the_names_are_read(
     columns_of = read(draft, tmp_path, {"unit of": "[N m, N m, N]"}).columns
     assert (columns_of.q, columns_of.torque) == (tuple(names), tuple(efforts))
     assert columns_of.units.position == units
+
+
+@pytest.mark.parametrize("signal", ["current", "effort", "tau_est"])
+def test_a_gripper_without_torques_or_currents_of_its_own_is_locked(
+    arm: str, motion: dict[str, Array], tmp_path: Path, signal: str
+) -> None:
+    """The currents of all other joints were not seen: nothing could be identified."""
+    columns = logged(with_gripper(motion, 0.02 + 0.001 * np.sin(motion["time"])), "names")
+    efforts = {f"{name}_{signal}": columns[f"{name}_effort"] for name in NAMES[:2]}
+    columns = {name: values for name, values in columns.items() if "effort" not in name} | efforts
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    case = read(draft, tmp_path) if signal != "current" else None
+    told = "gripper has positions and neither torques nor currents: locked in the middle of the positions"
+    assert any(remark.startswith(told) for remark in draft.remarks)
+    assert any("drives estimate" in remark for remark in draft.remarks) == (signal == "tau_est")
+    assert "joints: [shoulder, elbow]" in draft.text and "locked: {gripper: 0.02" in draft.text
+    if case is not None:
+        log = case.read(case.train[0])
+        np.testing.assert_allclose(np.asarray(log.torque), motion["torque"])
+        assert log.joints == NAMES[:2]
+
+
+@pytest.mark.parametrize(("others", "chosen"), [("effort", "effort"), ("tau_ext_est", ""), ("tau_est", "tau_est")])
+def test_estimated_torques_are_read_where_no_measured_ones_are(
+    arm: str, motion: dict[str, Array], tmp_path: Path, others: str, chosen: str
+) -> None:
+    """What a drive takes for its torque, not what a controller takes for that of a contact."""
+    columns = logged(with_gripper(motion, 0.02 + 0.01 * np.sin(motion["time"])), "names")
+    efforts = {name: values for name, values in columns.items() if "effort" in name}
+    columns = {name: values for name, values in columns.items() if "effort" not in name}
+    for word in dict.fromkeys((others, "tau_est")) if others != "tau_ext_est" else (others,):
+        columns |= {name.replace("effort", word): values for name, values in efforts.items()}
+    text = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path).text
+    assert (f"torque: '{{joint}}_{chosen}'" in text) == bool(chosen)
+    assert ("what the drives estimate" in text) == (chosen == "tau_est")
+    assert ("torque: ask" in text) == (not chosen)

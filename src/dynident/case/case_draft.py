@@ -26,6 +26,7 @@ from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import is_servo_log, servo_remark
 from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.tied_columns import led_by_columns
+from dynident.case.draft.yaml_words import few
 from dynident.case.questions import Question, questions_in
 from dynident.data.formats import FORMATS, LARGE, LogFormat, LogTable, bytes_of
 from dynident.data.formats._clocked_table import with_clock, with_sum
@@ -291,6 +292,13 @@ def _remarks(found: Recognised) -> list[str]:
     for name, (_, count) in found.stepping.items():
         what = f"{name} jumps between {count} positions, of which no acceleration can be made: its columns are not read"
         remarks.append(f"{what}, and it is locked in their middle")
+    if held := found.without_effort:
+        what = f"{few(list(held), 4)} {'has' if len(held) == 1 else 'have'} positions and neither torques nor currents"
+        remarks.append(f"{what}: locked in the middle of the positions; locked: rest is at 0, a mimic joint follows")
+    if "torque" in found.sources and "drives estimate" in found.sources["torque"].how:
+        remarks.append(
+            f"{found.sources['torque'].shown()} are what the drives estimate; read, as the log has no measured torques"
+        )
     bare = found.without_positions.values()
     remarks += [f"{told}: correct the name in the log and draft again" for told in bare]
     if is_servo_log(found):

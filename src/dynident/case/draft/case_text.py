@@ -146,8 +146,10 @@ def _gravity(found: Recognised) -> list[str]:
 def _joints(found: Recognised) -> list[str]:
     robot, joints = found.robot, found.joints
     missing = [name for name in robot.joint_names if name not in joints.names]
-    known = {**found.still, **{name: middle for name, (middle, _) in found.stepping.items()}}
+    held = {name: middle for name, (_, middle) in found.without_effort.items()}
+    known = {**found.still, **{name: middle for name, (middle, _) in found.stepping.items()}, **held}
     jumping = [f"{plain(few(list(found.stepping), 4))} jumps: in the middle of its positions"] * bool(found.stepping)
+    jumping += [f"no torques or currents of {plain(few(list(held), 4))}: in the middle of their positions"] * bool(held)
     lines = []
     if not joints.certain:
         count = len(found.sources["q"].columns) if "q" in found.sources else 0

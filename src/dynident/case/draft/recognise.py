@@ -32,7 +32,7 @@ from dynident.case.draft.stated_units import (
     units_in_names,
     units_of_profile,
 )
-from dynident.case.draft.stepping_joints import without_steps
+from dynident.case.draft.stepping_joints import with_held, without_steps
 from dynident.case.draft.tied_columns import without_followers
 from dynident.case.draft.unnamed_columns import by_structure, with_missing_signals
 from dynident.case.draft.yaml_words import listed, quoted
@@ -81,7 +81,7 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
         return found
     columns = {signal: source.columns for signal, source in found.sources.items()}
     readings = tuple(read_rows(table, found.time, columns) for table in tables)
-    return _with_temperature(_by_values(replace(found, readings=readings)), tables)
+    return with_held(_with_temperature(_by_values(replace(found, readings=readings)), tables), tables)
 
 
 def _with_temperature(found: Recognised, tables: Sequence[LogTable]) -> Recognised:
@@ -147,7 +147,7 @@ def _by_names(found: Recognised) -> Recognised:
     if "q" in choice.groups and "q" not in sources:
         sources = {}
     group = choice.groups.get("q")
-    if "q" in sources and group is not None and group.count == found.robot.dof:
+    if "q" in sources and group is not None and (choice.without_effort or group.count == found.robot.dof):
         found = replace(found, joints=choose_joints(found.robot, group, np.zeros((1, group.count))))
     return replace(
         found,
@@ -156,6 +156,7 @@ def _by_names(found: Recognised) -> Recognised:
         rivals=rivals,
         refused=choice.refused,
         left_out=left_out,
+        without_effort={found.robot.joint_names[k]: (name, 0.0) for k, name in choice.without_effort.items()},
     )
 
 
@@ -176,7 +177,7 @@ def _by_values(found: Recognised) -> Recognised:
         found = _first_columns(found)
     found = _with_turns(found)
     q = np.concatenate([reading.signals["q"] for reading in found.readings])
-    if not found.profiles and tied is None:
+    if not found.profiles and tied is None and not found.without_effort:
         group = next(g for g in column_groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
         found = replace(found, joints=choose_joints(found.robot, group, _likely_si(q, stated["q"])))
     found = without_steps(replace(found, units=units))

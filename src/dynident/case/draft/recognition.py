@@ -41,6 +41,8 @@ class SignalSource:
     def of_group(cls, group: Group) -> SignalSource:
         """Return that of columns which names tell."""
         how = "by the names of the joints" if group.named else "by the numbers in their names"
+        if group.meaning.signal == "torque" and group.meaning.kind == "model":
+            how += "; what the drives estimate, as the log has no measured torques"
         return cls(group.names, group.pattern, group.meaning.side or "link", how, group.meaning.strange)
 
     def shown(self) -> str:
@@ -70,6 +72,8 @@ class Recognised:
         stepping: Joints that jump between a few positions: the middle of these in rad or m, and how many they are.
         left_out: Signals whose columns were found and are not read, and why.
         temperature: The temperatures of the drives; None where none are read.
+        without_effort: Joints with positions and, unlike others, neither torques nor currents: the column and, once it
+            is read, the middle of the positions in rad or m.
         likely_effort: Columns that may be the torques or currents that a profile does not read; empty for none.
         is_large: Whether the logs that train are reduced as a stream.
         turn: A whole turn after which positions start again, in the file's unit; 0 where they do not.
@@ -98,6 +102,7 @@ class Recognised:
     stepping: Mapping[str, tuple[float, int]] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
     temperature: SignalSource | None = None
+    without_effort: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     likely_effort: str = ""
     is_large: bool = False
     turn: float = 0.0

@@ -32,7 +32,7 @@ def stated_unit(found: Recognised, signal: str) -> str:
     if set(units_in_names(found, signal)) == {"N m", "N"}:
         return "N m"
     columns = found.sources[signal].columns
-    return next((g.meaning.unit for g in column_groups(found) if g.names[: len(columns)] == columns), "")
+    return next((g.meaning.unit for g in column_groups(found) if set(columns) <= set(g.names)), "")
 
 
 def units_in_names(found: Recognised, signal: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Joints that jump between a few positions, such as grippers: they are locked, and have no part in the draft."""
+"""Joints that jump between positions, such as grippers, or have no torques: they are locked and not in the draft."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.draft.joint_choice import JointChoice
+from dynident.case.draft.readings import read_rows
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.signal_units import position_factors, position_unit
 from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import STILL, steps
+from dynident.data.formats import LogTable
 from dynident.data.profiles import pattern_names
 
 
@@ -63,3 +65,17 @@ def _narrowed(source: SignalSource, names: Sequence[str], keep: list[int]) -> Si
 
 def _kept(values: Array, keep: list[int], count: int) -> Array:
     return values[:, keep] if values.shape[1] == count else values
+
+
+def with_held(found: Recognised, tables: Sequence[LogTable]) -> Recognised:
+    """Return where the joints stand that have neither torques nor currents: in the middle of their positions."""
+    if not found.without_effort:
+        return found
+    columns = [column for column, _ in found.without_effort.values()]
+    values = np.concatenate([read_rows(table, found.time, {"q": columns}).signals["q"] for table in tables])
+    told = found.units["position"]
+    factors = position_factors(replace(told, words=told.words[:1]), len(columns))
+    middles = (factors * np.median(values, axis=0)).tolist()
+    held = dict(zip(found.without_effort, zip(columns, middles, strict=True), strict=True))
+    why = f"by their names; no torques or currents of {few(list(held), 4)}"
+    return replace(found, without_effort=held, joints=replace(found.joints, why=why))
