@@ -89,13 +89,11 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
 def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     """Return what is said of a cause."""
     evidence, remedy = _TEXTS[blame.cause.name](blame, fit)
-    large = _size(blame) > (MATTERS if blame.cause.joint else MATTERS_ALL)
     values, halves = np.abs(blame.values), blame.half_widths
     if blame.cause.name == "counterbalance":
         values, halves = np.hsplit(np.array(_wave(blame)[:2]), 2)
     sure = bool(np.any(NARROW * values > halves))
-    grave = blame.share > EXPLAINED and large and sure and blame.cause.name != "friction curve"
-    severity: Severity = "warning" if grave else "note"
+    severity: Severity = "warning" if sure and is_grave(blame) else "note"
     of = "its torque" if blame.cause.joint else "all torques"
     counted = f" (t = {blame.certainty:.0f}, {100 * blame.share:.0f} % of a joint's residual variance, "
     told = blame.taken if blame.cause.name == "friction curve" else blame.torque
@@ -112,6 +110,12 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     if blame.cause.name == "counterbalance":
         numbers |= dict(zip(("value", "half_width", "phase_rad"), _wave(blame), strict=True))
     return Finding(severity, blame.cause.name, blame.cause.joint, evidence + counted, remedy, numbers)
+
+
+def is_grave(blame: Blame) -> bool:
+    """Return whether a cause, friction apart, explains most of a residual and is a large share of the torque."""
+    large = _size(blame) > (MATTERS if blame.cause.joint else MATTERS_ALL)
+    return blame.share > EXPLAINED and large and blame.cause.name != "friction curve"
 
 
 def _size(blame: Blame) -> float:

@@ -28,7 +28,7 @@ from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, robot_misfit
 from dynident.diagnosis.causes.several_scales import inverted_gains, several_scales
 from dynident.diagnosis.causes.torque_scales import other_scales, reading_of
-from dynident.diagnosis.causes.trend_findings import believed
+from dynident.diagnosis.causes.trend_findings import believed, is_grave
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
@@ -80,7 +80,8 @@ class Readings(Check):
         else:
             misfit = robot_misfit(fit) if subject.trends is None else _beside_causes(subject.trends)
         known = found[0][1].gain if found else max((one.gain for one in other_scales(subject.scales)), default=0.0)
-        found, misfit = _otherwise(positions, feeds, known, (found, misfit))
+        grave = subject.trends is not None and any(map(is_grave, subject.trends.blames))
+        found, misfit = _otherwise(positions, feeds, known, (found, misfit), grave)
         if misfit.is_sure or ((found or scale) and misfit.is_suspected):
             return [_another_robot(misfit, fit, "error")]
         if found:
@@ -93,6 +94,7 @@ def _otherwise(
     feeds: BoolArray,
     known: float,
     plain: tuple[list[tuple[float, Interpretation]], RobotMisfit],
+    grave: bool,
 ) -> tuple[list[tuple[float, Interpretation]], RobotMisfit]:
     """Return a reading of positions that other columns explain in part, or of several torques, and what it leaves.
 
@@ -101,10 +103,11 @@ def _otherwise(
         feeds: Which joints friction drives, shape (n,).
         known: Gain of the score by what was found so far, or by the scale of one torque.
         plain: What was found and what it leaves, which stay where neither explains the log better.
+        grave: Whether a spring or the like explains most of a joint's residual, as it does of exchanged columns.
     """
     (found, misfit), fit = plain, positions.fit
     one_scale = known > 0.0 and not found
-    if misfit.is_structured or misfit.is_suspected:
+    if misfit.is_structured or misfit.is_suspected or grave:
         others = _confirmed(fit, _of_positions(positions, feeds, everywhere=True), everywhere=True)
         if others and others[0][1].gain > known:
             found, misfit = others, robot_misfit(fit, others[0][1].reading)

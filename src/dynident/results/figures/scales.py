@@ -53,12 +53,15 @@ class Linear(AxisScale):
         return self.start + share * (self.end - self.start)
 
     def ticks(self, spacing: float) -> tuple[Tick, ...]:
-        ways = [max(abs(self.end - self.start) / (spacing * share), 1.0) for share in (1.0, 0.7, 0.5, 0.35, 0.25)]
-        for step in [self.step] if self.step else [round_step((self.high - self.low) / way) for way in ways]:
-            first, last = np.ceil(self.low / step - 1e-6), np.floor(self.high / step + 1e-6)
-            if last > first:  # two ticks at least
+        found: tuple[Tick, ...] = ()
+        for share in (1.0, 0.7, 0.5, 0.35, 0.25, 0.15):
+            room = max(abs(self.end - self.start) / (spacing * share), 1.0)
+            step = self.step or round_step((self.high - self.low) / room)
+            first, last = int(np.ceil(self.low / step - 1e-6)), int(np.floor(self.high / step + 1e-6))
+            found = tuple(Tick(k * step, write_tick(k * step, step)) for k in range(first, last + 1))
+            if len(found) > 1 or self.step:
                 break
-        return tuple(Tick(k * step, write_tick(k * step, step)) for k in np.arange(first, last + 1))
+        return found
 
 
 @dataclass(frozen=True)
