@@ -18,6 +18,8 @@ from benchmarks.faults.trials import Trial, virtual
 from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.causes.cause_search import Blame, Cause
+from dynident.diagnosis.causes.trend_findings import is_grave
 from dynident.diagnosis.checks import CHECKS
 from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.checks.readings import simple_ratio
@@ -194,6 +196,23 @@ def test_of_two_findings_that_explain_each_other_one_is_told() -> None:
     assert ordered([unit, scale, spring]) == (unit,) and ordered([scale, unit, spring]) == (scale,)
     assert ordered([warned, scale]) == (scale,) and ordered([unit, spring]) == (unit, spring)
     assert ordered([unit], [scale]) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "share", "size", "grave"),
+    [
+        ("spring", 0.9, 0.3, True),
+        ("spring", 0.9, 0.05, False),
+        ("spring", 0.4, 0.3, False),
+        ("friction curve", 0.9, 0.3, False),
+    ],
+)
+def test_what_explains_most_of_a_joint_may_be_exchanged_columns(
+    name: str, share: float, size: float, grave: bool
+) -> None:
+    cause = Cause(name, "joint1", np.zeros((1, 9, 3)))
+    blame = Blame(cause, np.ones(1), np.eye(1), 9.0, 3.0, share, size, np.ones(3), np.ones(3))
+    assert is_grave(blame) == grave
 
 
 @pytest.mark.parametrize(
