@@ -80,6 +80,24 @@ def test_a_test_log_of_another_load_or_robot_is_told(factor: float, is_told: boo
         )
 
 
+@pytest.mark.parametrize(("factor", "is_told"), [(1.0, True), (1.6, False)])
+@pytest.mark.parametrize("size", [10.0, 0.5])
+def test_a_residual_that_is_constant_is_a_zero_of_sensors_unless_another_joint_changes(
+    factor: float, is_told: bool, size: float
+) -> None:
+    model, log = recorded()
+    assert log.torque is not None
+    estimate = identify(model, [log], preprocessing=HOW)
+    torque = log.torque + size * np.array([0.0, 1.0, 0.0, 0.0]) * estimate.joint_deviations
+    torque[:, 0] *= factor
+    found = warnings_of(estimate, validate(estimate, [replace(log, torque=torque)]))
+    told = [text for text in found if text.startswith("residual mostly constant")]
+    assert bool(told) is (is_told and size > 1.0), found
+    if told:
+        name = model.robot.joint_names[1]
+        assert told == [found[0]] and f"({name} " in told[0] and "zero of the torque sensors" in told[0]
+
+
 def test_samples_near_gaps_are_named() -> None:
     model, log = recorded()
     sound = identify(model, [log], preprocessing=HOW)

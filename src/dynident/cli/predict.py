@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
     remarks = [
         *_resting(joints, widest),
         *_beginning(found.starts, joints, warmed_torque(estimate, found.prepared)),
-        *_outside(robot.joint_names, found.inside),
+        *_outside(estimate, found),
         *_beyond(estimate, found.prepared),
     ]
     if options.json:
@@ -145,15 +145,22 @@ def _named(joints: Sequence[dict[str, object]], sizes: Array) -> str:
     return ", ".join(f"{one['name']} {size:.3g} {one['unit']}" for one, size in shown)
 
 
-def _outside(names: Sequence[str], inside: Array) -> list[str]:
+def _outside(estimate: Estimate, found: PredictedTorque) -> list[str]:
     """Return what is to be said of joints whose measured torques the bands do not hold."""
-    low = [f"{name} {100 * share:.0f} %" for name, share in zip(names, inside, strict=True) if share < LEAST_INSIDE]
-    if not low:
+    from dynident.diagnosis.constant_residual import constant_residual
+    from dynident.identification.estimate.validation import Z_95
+
+    shares = zip(estimate.model.robot.joint_names, found.inside, strict=True)
+    low = [f"{name} {100 * share:.0f} %" for name, share in shares if share < LEAST_INSIDE]
+    dq = found.prepared.kept.dq
+    if not low or found.measured is None or dq is None:
         return []
+    signals, own = (found.measured, found.torque, dq), (found.half_model - found.half_held) / Z_95
+    constant = constant_residual(estimate, *signals, estimate.preprocessing.standstill, own)
     text = (
         f"few measured torques lie in the band ({', '.join(low)}): the log may be of another robot, load or mounting; "
     )
-    return [text + "look at units, signs and order of its columns"]
+    return [*([constant] if constant else []), text + "look at units, signs and order of its columns"]
 
 
 def _beyond(estimate: Estimate, prepared: Prepared) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dynident.diagnosis.constant_residual import constant_residual
 from dynident.diagnosis.verdict import check_warnings, quality_of
 from dynident.identification.consistency.log_cholesky_fit import UNFINISHED
 from dynident.identification.estimate.estimate import Estimate
@@ -114,6 +115,9 @@ def _at_ends(estimate: Estimate) -> list[str]:
 
 def _unlike(estimate: Estimate, test: Validation) -> list[str]:
     """Say where a test log has another residual than the fit: another load, robot or unit, or a motion far from it."""
+    signals = (test.measured, test.predicted, test.dq)
+    if constant := constant_residual(estimate, *signals, test.standstill, test.deviations):
+        return [constant]
     pairs = zip(test.moving, estimate.train.moving, strict=True)
     times = {now.name: now.rmse / then.rmse for now, then in pairs if now.relative_error > UNLIKE_ERROR and then.rmse}
     if not times or max(times.values()) < UNLIKE:
