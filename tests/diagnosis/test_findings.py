@@ -117,6 +117,10 @@ FAULTS: dict[str, tuple[str, Callable[[Trial], Trial], tuple[str, str, str], str
         "position_range", of_motors(100.0, 0.01), ("error", "gear ratio", "joint1 of it, joint2 of it, joint3 of it"),
         r"turns of the joint: state the inverse \(drives: \{joint1 of it: \{gear_ratio: 100\}",
     ),
+    "a joint at rest behind a noisy encoder": (
+        "position_range", put("q", (ALL, 0), 0.3 + np.random.default_rng(0).normal(scale=3e-4, size=2000)),
+        ("error", "joint never moved", FIRST), "no more than the noise from sample to sample makes",
+    ),
     "no torques": (
         "torque_source", positions_alone, ("error", "no torque", ""), "positions alone give no masses",
     ),

@@ -15,6 +15,10 @@ from dynident.diagnosis.finding import Finding, listed
 from dynident.identification.problem.problem import rest_speeds
 from dynident.model.robot import Joint
 
+#: Travel in rad or m up to which that of a joint at rest may be noise, and that of white noise, between its 0.5th and
+#: its 99.5th percentile, over the deviation of its steps from sample to sample, with a margin for chance.
+NOISY, WHITE = 0.02, 1.1 * 2.0 * 2.576 / np.sqrt(2.0)
+
 #: Degrees of travel below which a log is of an arm at rest, in whatever unit.
 MOVES = 0.2
 
@@ -127,11 +131,15 @@ def _counts_turns(subject: CheckedLog) -> bool:
 def _still(subject: CheckedLog) -> list[Finding]:
     log, robot = subject.sound.log, subject.case.robot
     ways = travel(log.q)
-    still = [name for name, way in zip(robot.joint_names, ways, strict=True) if way < STILL]
+    noise = WHITE * np.std(np.diff(log.q, axis=0), axis=0) if len(log.q) > 1 else np.zeros(len(ways))
+    rests = (ways < STILL) | ((ways < NOISY) & (ways < noise))
+    still = [name for name, rest in zip(robot.joint_names, rests, strict=True) if rest]
     if still:
-        evidence = f"it travels at most {ways.min():.2g} rad (or m) over the whole log"
+        evidence = f"it travels at most {ways[rests].max():.2g} rad (or m) over the whole log"
+        if np.any(ways[rests] >= STILL):
+            evidence += ", no more than the noise from sample to sample makes"
         remedy = "record a motion of it, or lock it at its position (locked: in the case file)"
-        numbers = {"travel": float(ways.min())}
+        numbers = {"travel": float(ways[rests].max())}
         return [Finding("error", "joint never moved", listed(still), evidence, remedy, numbers, ("standstill",))]
     window = max(1, min(round(0.05 * log.rate), len(log.q) - 1))  # logs of a few rows too
     speed = np.abs(log.q[window:] - log.q[:-window]) / (log.time[window:] - log.time[:-window])[:, None]
