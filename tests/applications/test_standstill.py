@@ -14,7 +14,7 @@ from bare_estimates import bare_estimate
 from dynident import Log, Robot
 from dynident import validate as validated
 from dynident.applications.predicted_torque import predict_torque
-from dynident.applications.standstill import held_torque
+from dynident.applications.standstill import end_states, held_torque
 from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
@@ -74,6 +74,27 @@ def paused(robot: Robot, exact_motion: Callable[..., Motion], share: Array) -> t
     torque = model.torque(Motion(q, dq, ddq), theta)
     torque[len(share) :] += 3.0 * share
     return replace(bare_estimate(model, theta), preprocessing=GIVEN), Log(robot.joint_names, time, q, dq, ddq, torque)
+
+
+def test_until_a_drive_has_moved_on_friction_lies_between_both_ends(coupled_arm: Robot) -> None:
+    """Presliding of any state at the start is inside; once all have come together the interval is the torque."""
+    model, dof = DynamicModel(coupled_arm, (Coulomb(0.01), Presliding(length=0.01))), coupled_arm.dof
+    assert coupled_arm.nominal is not None
+    theta = np.concatenate([coupled_arm.nominal, np.tile([0.5, 2.0], dof)])
+    time = np.linspace(0.0, 2.0, 400)
+    q = np.outer(0.3 * (1.0 - np.cos(np.pi * time)), np.ones(dof))
+    dq, ddq = (np.gradient(each, time, axis=0) for each in (q, np.gradient(q, time, axis=0)))
+    motion = model.with_states(Motion(q, dq, ddq), time[1])
+    ends = end_states(model)
+    assert ends is not None and end_states(DynamicModel(coupled_arm, (Coulomb(),))) is None
+    low, high = (np.asarray(model.with_states(motion, time[1], end).state) for end in ends)
+    moves = np.zeros(q.shape, dtype=bool)
+    found = held_torque(model, theta, motion, moves, (low, high))
+    for first in np.linspace(ends[0], ends[1], 5):
+        torque = model.torque(model.with_states(motion, time[1], first), theta)
+        assert np.all(torque >= found.bounds[0] - 1e-9) and np.all(torque <= found.bounds[1] + 1e-9)
+    assert found.rests[0].all() and np.max(found.half) > 2.0 and not found.rests[150:].any()
+    np.testing.assert_array_equal(held_torque(model, theta, motion, moves).rests, False)
 
 
 @pytest.mark.parametrize("beyond", [False, True])

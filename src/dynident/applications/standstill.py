@@ -3,14 +3,15 @@
 A drive that rests has no friction of its own motion: dry friction takes whatever the load asks for, up to its level at
 breakaway in either direction. So the torque of a joint at rest is known to lie between two values, the torque of the
 bodies and of offsets less and plus what its resting drives can hold. Signs are sharp there, however wide they are in
-the model; parts with a state are at their bounds.
+the model; parts with a state are at their bounds. No log says in which state friction that builds up over a distance
+begins: until the drive has moved on, its torque lies between those of both bounds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -25,6 +26,10 @@ from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import remembered_motion
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
+from dynident.model.friction.presliding import SETTLED
+
+#: States of friction from the lower and from the upper end on.
+StatePaths: TypeAlias = tuple[Array, Array]
 
 #: Speed at which dry friction holds, and the width of its sign there, in rad/s or m/s.
 CREEP, SHARP = 1e-6, 1e-9
@@ -38,7 +43,7 @@ class HeldTorque:
         torque: Torque of the model, friction with a memory at its states as anywhere, shape (N, n), in N m or N.
         middle: Where drives rest the middle of what the torque can be, elsewhere the torque, shape (N, n).
         half: Half the width of the interval about it, shape (N, n); 0 where no drive of the joint rests.
-        rests: Where a drive of the joint rests, shape (N, n).
+        rests: Where a drive of the joint rests, or has not moved on since the start of the log, shape (N, n).
     """
 
     torque: Array
@@ -54,7 +59,9 @@ class HeldTorque:
         return low, high
 
 
-def held_torque(model: DynamicModel, theta: Array, motion: Motion, rests: BoolArray) -> HeldTorque:
+def held_torque(
+    model: DynamicModel, theta: Array, motion: Motion, rests: BoolArray, ends: StatePaths | None = None
+) -> HeldTorque:
     """Return the torques between which static friction holds each joint.
 
     Args:
@@ -62,11 +69,16 @@ def held_torque(model: DynamicModel, theta: Array, motion: Motion, rests: BoolAr
         theta: Standard parameters, shape (p,).
         motion: The motion, with the states of friction where it has some.
         rests: Where each drive rests, shape (N, n).
+        ends: States of friction from both ends on, as of :func:`end_states`; None where the states are known.
     """
     coupling, table = np.asarray(model.robot.coupling), model.coefficient_table(theta)
     motion = model.loaded(motion, theta)
     own = np.einsum("sjk,jk->sj", model.friction_values(motion), table)
     middle, half = held_friction(with_sharp_signs(model), table, motion)
+    if ends is not None:
+        between, reach = friction_between(model, table, motion, ends)
+        middle, half = np.where(rests, middle, between), np.where(rests, half, reach)
+        rests = rests | (reach > 0.0)
     torque, shift = model.torque(motion, theta), np.where(rests, middle - own, 0.0) @ coupling
     halves = np.where(rests, half, 0.0) @ np.abs(coupling)
     return HeldTorque(torque, torque + shift, halves, (rests @ (coupling != 0)) > 0)
@@ -88,6 +100,41 @@ def held_friction(sharp: DynamicModel, table: Array, motion: Motion) -> tuple[Ar
     ways = (_creeping(sharp, motion, sign) for sign in (1.0, -1.0))
     forth, back = (np.einsum("sjk,jk->sj", sharp.friction_values(way), table) for way in ways)
     return 0.5 * (forth + back), 0.5 * np.abs(forth - back)
+
+
+def end_states(model: DynamicModel, start: Array | None = None) -> StatePaths | None:
+    """Return the states (n, s) that friction may begin with, of parts that build up over a distance at both bounds.
+
+    Args:
+        model: Robot, drives and friction; where no part builds up over a distance there is nothing to return.
+        start: The other states, shape (n, s); None for their start.
+    """
+    each = [(part, state) for part in model.friction for state in part.states]
+    if not any(part.lags for part, _ in each):
+        return None
+    low = np.tile([own.start for _, own in each], (model.robot.dof, 1)) if start is None else np.array(start)
+    high = low.copy()
+    for k, (part, own) in enumerate(each):
+        if part.lags:
+            low[:, k], high[:, k] = own.low, own.high
+    return low, high
+
+
+def friction_between(model: DynamicModel, table: Array, motion: Motion, ends: StatePaths) -> tuple[Array, Array]:
+    """Return middle and half width of the friction of each drive between states of both ends, shape (N, n) each.
+
+    The half width is 0 where these have come together.
+
+    Args:
+        model: Robot, drives and friction.
+        table: Coefficients of its friction by drive, shape (n, k).
+        motion: The motion, with the load where friction asks for it.
+        ends: States along it from both ends on, shape (N, n, s) each.
+    """
+    low, high = (np.einsum("sjk,jk->sj", model.friction_values(replace(motion, state=state)), table) for state in ends)
+    spans = [own.high - own.low if part.lags else np.inf for part in model.friction for own in part.states]
+    apart = np.any(np.abs(ends[1] - ends[0]) > SETTLED * np.array(spans), axis=-1)
+    return 0.5 * (low + high), np.where(apart, 0.5 * np.abs(high - low), 0.0)
 
 
 def _creeping(model: DynamicModel, motion: Motion, sign: float) -> Motion:
@@ -117,8 +164,13 @@ def held_along(model: DynamicModel, thetas: Sequence[Array], prepared: Prepared)
     motion = remembered_motion(model, log)
     speeds = motion.at_motors(np.asarray(model.robot.coupling)).dq
     rests = at_rest(speeds, rest_speeds(model.robot, prepared.how.standstill), log.rate)
+    start = None if motion.state is None else motion.state[0]
+    ends = None if isinstance(log.before, Log) else end_states(model, start)
+    if ends is not None:
+        low, high = (model.with_states(motion, 1.0 / log.rate, end).state for end in ends)
+        ends = None if low is None or high is None else (low, high)
     found = []
-    for each in (held_torque(model, theta, motion, rests) for theta in thetas):
+    for each in (held_torque(model, theta, motion, rests, ends) for theta in thetas):
         sides = (each.torque, each.middle, each.half)
         torque, middle, half = (prepared.smooth(one.T).T[prepared.keep] for one in sides)
         found.append(HeldTorque(torque, middle, np.maximum(half, 0.0), each.rests[prepared.keep]))

@@ -136,13 +136,15 @@ def _resting(monitor: Monitor, held: Sequence[float]) -> str:
     """Return what is to be said of joints that rest, whose static friction holds so much at most; empty for nothing."""
     from dynident.results.text import format_number, label, pretty_unit
 
-    robot = monitor.observer.model.robot
+    model = monitor.observer.model
+    robot = model.robot
     told = [
         f"{label(name)} {format_number(size, 3)} {pretty_unit(unit)}"
         for name, unit, size in zip(robot.joint_names, robot.units, held, strict=True)
         if size > 0.0
     ]
-    text = "at rest static friction can hold a contact, which shows in no torque: thresholds are higher there by up to"
+    start = ", and until presliding has moved on from the start," if any(part.lags for part in model.friction) else ""
+    text = f"at rest{start} friction can hold a contact, which shows in no torque: thresholds are higher there by up to"
     return f"{text} {', '.join(told)}" if told else ""
 
 

@@ -24,6 +24,7 @@ from dynident.applications.monitor.band import fitted_band, lagged
 from dynident.applications.monitor.equations import Equations
 from dynident.applications.monitor.signals import residuals_of, signals_of
 from dynident.applications.monitor.tails import Tail, shrunk, tail_of
+from dynident.applications.standstill import end_states
 from dynident.data.formats import ColumnMap, write_log
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
@@ -267,6 +268,36 @@ def test_false_alarms_come_at_the_chosen_rate(robot: Robot, estimate: Estimate) 
     counts = np.sum([[joint["alarms"] for joint in one.figures()["joints"]] for one in tests], axis=0)
     assert 0.7 * 30 <= counts.mean() <= 1.4 * 30, counts
     assert np.all((counts >= 0.4 * 30) & (counts <= 1.9 * 30)), counts
+
+
+@pytest.mark.parametrize("push", [0.0, 6.0])
+def test_the_state_of_presliding_at_the_start_is_no_contact(robot: Robot, push: float) -> None:
+    """A clean log begins with all drives held the other way; a push comes once they have moved on."""
+    model = DynamicModel(robot, tuple(FRICTION.make(name) for name in ("viscous", "presliding")))
+    ends = end_states(model)
+    assert robot.nominal is not None and ends is not None
+    theta = np.concatenate([robot.nominal, np.tile([3.0, 8.0], robot.dof)])
+    rate, noise = 250.0, np.random.default_rng(1).normal(size=(5, 1500, robot.dof))
+    time = np.arange(1500) / rate
+    turn = 1.0 + 0.2 * np.arange(robot.dof)
+    angle = time[:, None] * turn
+    q, dq, ddq = 0.3 * (1.0 - np.cos(angle)), 0.3 * turn * np.sin(angle), 0.3 * turn**2 * np.cos(angle)
+    torque = model.torque(model.with_states(Motion(q, dq, ddq), 1.0 / rate, ends[0]), theta)
+    torque[700:] += push
+    observer = MomentumObserver(bare_estimate(model, theta))
+    log = Log(robot.joint_names, time, q, dq, ddq, torque + noise[0])
+    signals = signals_of(bare_estimate(model, theta), log)
+    known = model.torque(model.with_states(Motion(q, dq, ddq), 1.0 / rate), theta)
+    monitor = calibrated(observer, [replace(signals, torque=known + one) for one in noise[1:]], 1.0 / 3600.0)
+    found = run_monitor(monitor, log)
+    assert not [alarm for alarm in found.alarms if alarm.start < 1.0]
+    assert {alarm.joint for alarm in found.alarms if alarm.end > 2.9} == (set(robot.joint_names) if push else set())
+    assert np.all(np.max(np.abs(found.residual) - (found.threshold - found.held), axis=0) > 1.0)  # of it there are some
+    assert np.all(found.held[:5].max(axis=0) > 0.5) and np.all(found.held[600:650] < 0.01)
+    state = MonitorState()
+    for k in range(120):
+        state, reading = step(monitor, state, float(signals.time[k]), signals.q[k], signals.dq[k], signals.torque[k])
+        np.testing.assert_allclose(reading.held, found.held[k], atol=1e-6)
 
 
 @pytest.mark.parametrize("push", [0.9, 4.0])

@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from dynident.applications.compensation import parameters_of
-from dynident.applications.standstill import held_friction, with_sharp_signs
-from dynident.arrays import Array
+from dynident.applications.standstill import StatePaths, friction_between, held_friction, with_sharp_signs
+from dynident.arrays import Array, BoolArray
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.problem import rest_speeds
 from dynident.model.friction import Motion
@@ -40,7 +40,8 @@ class Terms:
         momentum: M dq, shape (N, n).
         drift: g + friction - C' dq, what the torque meets beside the change of momentum, shape (N, n).
         friction: Its part by friction, shape (N, n).
-        held: How far from that static friction can hold, shape (N, n); 0 where no drive of a joint rests.
+        held: How far from that static friction can hold, shape (N, n); 0 where no drive of a joint rests and all have
+            moved on since the start.
         columns: The regressor of the base parameters without acceleration, shape (N, n, b).
     """
 
@@ -79,7 +80,15 @@ class Equations:
         ends = np.cumsum([0, joints, joints, joints, joints, joints * joints, joints * len(self._bodies)]).tolist()
         self._parts = tuple(slice(a, b) for a, b in pairwise(ends))
 
-    def at(self, q: Array, dq: Array, temperature: Array | None = None, state: Array | None = None) -> Terms:
+    def at(
+        self,
+        q: Array,
+        dq: Array,
+        temperature: Array | None = None,
+        state: Array | None = None,
+        ends: StatePaths | None = None,
+        rests: BoolArray | None = None,
+    ) -> Terms:
         """Return the terms of some samples.
 
         Args:
@@ -87,6 +96,8 @@ class Equations:
             dq: Velocities, shape (N, n), in rad/s or m/s.
             temperature: Of the drives, shape (N, n), where friction depends on it.
             state: Of friction that remembers, shape (N, n, s); None where it is not known.
+            ends: The same from both ends at the start on; None where they have come together.
+            rests: Where each drive rests, shape (N, n); None for nowhere.
 
         Raises:
             BadOption: Friction asks for a temperature that is missing.
@@ -98,15 +109,23 @@ class Equations:
         motion = Motion(q, dq, np.zeros_like(q), load, temperature, state)
         values = model.friction_values(motion)
         drives, held = np.einsum("sjk,jk->sj", values, self._table), np.zeros_like(q)
-        if np.any(rests := np.abs(motion.at_motors(self._coupling).dq) < self._slow):
+        if ends is not None:
+            middle, half = friction_between(model, self._table, motion, ends)
+            held = np.where(half > 0.0, half + np.abs(middle - drives), 0.0)
+        if rests is not None and np.any(rests):
             middle, half = held_friction(self._sharp, self._table, motion)
-            held = np.where(rests, half + np.abs(middle - drives), 0.0) @ np.abs(self._coupling)
+            held = np.where(rests, half + np.abs(middle - drives), held)
+        held = held @ np.abs(self._coupling)
         friction = drives @ self._coupling
         columns = np.empty((samples, joints, len(self._bodies) + len(self._friction)))
         columns[..., self._bodies] = found.columns
         columns[..., self._friction] = values[:, None, self._drive, self._column] * self._shares
         drift = found.gravity - found.turning + friction - self._bias
         return Terms(mass, found.momentum + dq @ self.rotors, drift, friction, held, columns)
+
+    def slow(self, dq: Array) -> BoolArray:
+        """Return which drives are slower than those at rest of the fit, of velocities (N, n), shape (N, n)."""
+        return np.abs(dq @ self._coupling.T) < self._slow
 
     def _bodies_at(self, q: Array, dq: Array) -> _Bodies:
         if self._kernel is None:

@@ -16,7 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from dynident.applications.monitor.equations import Equations, Terms
+from dynident.applications.standstill import end_states
 from dynident.arrays import Array
+from dynident.data.preprocessing import SHORTEST_REST
 from dynident.errors import BadOption
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
@@ -111,10 +113,17 @@ class MomentumObserver:
     ) -> Iterator[Terms]:
         """Yield the terms of many samples that follow each other after a step in s, some at a time."""
         state = self.states(q, dq, step, first)
+        ends = end_states(self.model, first)
+        slow = self.equations.slow(dq)
+        place = np.arange(len(q))[:, None]
+        since = place - np.maximum.accumulate(np.where(slow, -len(q) - SHORTEST_REST / step, place), axis=0)
+        rests = slow & (since * step >= SHORTEST_REST)  # passing through zero speed is no rest
+        paths = None if ends is None else [np.asarray(self.states(q, dq, step, end)) for end in ends]
         for start in range(0, len(q), CHUNK):
             part = slice(start, start + CHUNK)
             warm, kept = (None if one is None else one[part] for one in (temperature, state))
-            yield self.equations.at(q[part], dq[part], warm, kept)
+            apart = None if paths is None else (paths[0][part], paths[1][part])
+            yield self.equations.at(q[part], dq[part], warm, kept, apart, rests[part])
 
     def states(self, q: Array, dq: Array, step: float, first: Array | None = None) -> Array | None:
         """Return the states of friction along samples that follow each other, shape (N, n, s); None where none has one.

@@ -12,7 +12,9 @@ from dynident.applications.monitor.band import BandWeights, fitted_band, lagged,
 from dynident.applications.monitor.momentum_observer import MomentumObserver
 from dynident.applications.monitor.signals import Signals, held_share, residuals_of
 from dynident.applications.monitor.tails import Tail, shrunk, tail_of
+from dynident.applications.standstill import StatePaths, end_states
 from dynident.arrays import Array, frozen
+from dynident.data.preprocessing import SHORTEST_REST
 from dynident.errors import BadOption, LogMismatch
 
 #: Time constants of the observer below the threshold after which an alarm is over.
@@ -102,6 +104,8 @@ class MonitorState:
         q: Positions of the last sample, shape (n,), in rad or m.
         friction: States of friction then, shape (n, s); None where none has one.
         held: How much of the residual static friction can be, and how much it could hold then, shape (n,) each.
+        ends: States of friction from both ends at the start on, shape (n, s) each; None once they have come together.
+        slow: How long each drive has been as slow as at rest, in s, shape (n,).
     """
 
     time: float | None = None
@@ -113,6 +117,8 @@ class MonitorState:
     q: Array | None = None
     friction: Array | None = None
     held: tuple[Array, Array] | None = None
+    ends: StatePaths | None = None
+    slow: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -261,7 +267,15 @@ def step(
     way = here if state.q is None else np.stack([np.asarray(state.q), here[0]])
     since = 0.0 if state.time is None else time - state.time
     friction = observer.states(way, np.repeat(speed, len(way), axis=0), since, state.friction)
-    terms = observer.equations.at(here, speed, warm, None if friction is None else friction[-1:])
+    is_new = state.time is None or (time - state.time) * observer.gain > LOST
+    ends = end_states(observer.model) if is_new else state.ends
+    if ends is not None:
+        paths = [observer.states(way, np.repeat(speed, len(way), axis=0), since, end) for end in ends]
+        low, high = (np.asarray(path)[-1:] for path in paths)
+        ends = (low, high)
+    slow = np.where(observer.equations.slow(speed)[0], np.inf if state.slow is None else state.slow + since, 0.0)
+    rests = (slow >= SHORTEST_REST)[None]
+    terms = observer.equations.at(here, speed, warm, None if friction is None else friction[-1:], ends, rests)
     momentum, push = terms.momentum, effort - terms.drift
     fresh = monitor.band.variances(terms, observer.deviations(terms), speed)[0]
     if state.time is None or (time - state.time) * observer.gain > LOST:
@@ -279,7 +293,9 @@ def step(
     above = np.abs(residual) > threshold
     last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
     begins = above & (time - last > APART / observer.gain)
-    kept = (np.where(above, time, last), here[0], None if friction is None else friction[-1], (held, terms.held[0]))
+    open_ones = None if ends is None or np.array_equal(*ends) else (ends[0][0], ends[1][0])
+    last_states = None if friction is None else friction[-1]
+    kept = (np.where(above, time, last), here[0], last_states, (held, terms.held[0]), open_ones, slow)
     following = MonitorState(float(time), momentum[0], push[0], residual, variance, *kept)
     named = tuple(name for name, one in zip(names, above, strict=True) if one)
     begun = tuple(name for name, one in zip(names, begins, strict=True) if one)
