@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 import numpy.typing as npt
@@ -266,25 +267,20 @@ def step(
         raise LogMismatch("stream", f"time {time:g} s after {state.time} s", "send samples in order, each once")
     way = here if state.q is None else np.stack([np.asarray(state.q), here[0]])
     since = 0.0 if state.time is None else time - state.time
-    friction = observer.states(way, np.repeat(speed, len(way), axis=0), since, state.friction)
-    is_new = state.time is None or (time - state.time) * observer.gain > LOST
-    ends = end_states(observer.model) if is_new else state.ends
-    if ends is not None:
-        paths = [observer.states(way, np.repeat(speed, len(way), axis=0), since, end) for end in ends]
-        low, high = (np.asarray(path)[-1:] for path in paths)
-        ends = (low, high)
+    speeds, is_new = np.repeat(speed, len(way), axis=0), state.time is None or since * observer.gain > LOST
+    friction = observer.states(way, speeds, since, state.friction)
+    ends = _moved_on(observer, end_states(observer.model) if is_new else state.ends, way, speeds, since)
     slow = np.where(observer.equations.slow(speed)[0], np.inf if state.slow is None else state.slow + since, 0.0)
-    rests = (slow >= SHORTEST_REST)[None]
-    terms = observer.equations.at(here, speed, warm, None if friction is None else friction[-1:], ends, rests)
+    states = None if friction is None else friction[-1:]
+    terms = observer.equations.at(here, speed, warm, states, ends, (slow >= SHORTEST_REST)[None])
     momentum, push = terms.momentum, effort - terms.drift
     fresh = monitor.band.variances(terms, observer.deviations(terms), speed)[0]
-    if state.time is None or (time - state.time) * observer.gain > LOST:
+    if is_new:
         residual, variance, held = np.zeros(len(names)), fresh, np.zeros(len(names))
     else:
-        dt = time - state.time
         pair = np.stack([np.asarray(state.momentum), momentum[0]]), np.stack([np.asarray(state.push), push[0]])
-        outside = observer.steps(np.array([dt]), *pair)[0]
-        keep = np.exp(-observer.gain * dt)
+        outside = observer.steps(np.array([since]), *pair)[0]
+        keep = np.exp(-observer.gain * since)
         residual = keep * np.asarray(state.residual) + (1.0 - keep) * outside
         variance = keep**2 * np.asarray(state.variance) + (1.0 - keep**2) * fresh
         followed, before = (0.0, terms.held[0]) if state.held is None else state.held
@@ -293,13 +289,26 @@ def step(
     above = np.abs(residual) > threshold
     last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
     begins = above & (time - last > APART / observer.gain)
-    open_ones = None if ends is None or np.array_equal(*ends) else (ends[0][0], ends[1][0])
-    last_states = None if friction is None else friction[-1]
-    kept = (np.where(above, time, last), here[0], last_states, (held, terms.held[0]), open_ones, slow)
+    own = None if states is None else states[0]
+    kept = (np.where(above, time, last), here[0], own, (held, terms.held[0]), _still_apart(ends), slow)
     following = MonitorState(float(time), momentum[0], push[0], residual, variance, *kept)
-    named = tuple(name for name, one in zip(names, above, strict=True) if one)
-    begun = tuple(name for name, one in zip(names, begins, strict=True) if one)
+    named, begun = (tuple(compress(names, each)) for each in (above, begins))
     return following, MonitorSample(float(time), residual, threshold, held, named, begun)
+
+
+def _moved_on(
+    observer: MomentumObserver, ends: StatePaths | None, way: Array, speeds: Array, since: float
+) -> StatePaths | None:
+    """Return states of friction (1, n, s) from both ends after a way (2, n), or (1, n) of the first sample."""
+    if ends is None:
+        return None
+    low, high = (np.asarray(observer.states(way, speeds, since, end))[-1:] for end in ends)
+    return low, high
+
+
+def _still_apart(ends: StatePaths | None) -> StatePaths | None:
+    """Return states of friction (n, s) from both ends of those (1, n, s); None where they have come together."""
+    return None if ends is None or np.array_equal(*ends) else (ends[0][0], ends[1][0])
 
 
 def _row(names: Sequence[str], what: str, values: npt.ArrayLike) -> Array:

@@ -107,7 +107,7 @@ def _otherwise(
     """
     (found, misfit), fit = plain, positions.fit
     one_scale = known > 0.0 and not found
-    if misfit.is_structured or misfit.is_suspected or grave:
+    if misfit.is_structured or misfit.is_suspected or (grave and known == 0.0):
         others = _confirmed(fit, _of_positions(positions, feeds, everywhere=True), everywhere=True)
         if others and others[0][1].gain > known:
             found, misfit = others, robot_misfit(fit, others[0][1].reading)
