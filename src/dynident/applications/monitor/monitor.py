@@ -288,12 +288,11 @@ def step(
     threshold = np.asarray(monitor.factors) * np.sqrt(variance) + held
     above = np.abs(residual) > threshold
     last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
-    begins = above & (time - last > APART / observer.gain)
-    own = None if states is None else states[0]
-    kept = (np.where(above, time, last), here[0], own, (held, terms.held[0]), _still_apart(ends), slow)
-    following = MonitorState(float(time), momentum[0], push[0], residual, variance, *kept)
-    named, begun = (tuple(compress(names, each)) for each in (above, begins))
-    return following, MonitorSample(float(time), residual, threshold, held, named, begun)
+    own = (None if states is None else states[0], (held, terms.held[0]), _still_apart(ends), slow)
+    ours = (residual, variance, np.where(above, time, last), here[0])
+    named, begun = (tuple(compress(names, each)) for each in (above, above & (time - last > APART / observer.gain)))
+    sample = MonitorSample(float(time), residual, threshold, held, named, begun)
+    return MonitorState(float(time), momentum[0], push[0], *ours, *own), sample
 
 
 def _moved_on(
