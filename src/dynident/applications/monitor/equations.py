@@ -16,6 +16,7 @@ import numpy as np
 from dynident.applications.compensation import parameters_of
 from dynident.applications.standstill import StatePaths, friction_between, held_friction, with_sharp_signs
 from dynident.arrays import Array, BoolArray
+from dynident.data.preprocessing import at_rest
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.problem import rest_speeds
 from dynident.model.friction import Motion
@@ -123,9 +124,13 @@ class Equations:
         drift = found.gravity - found.turning + friction - self._bias
         return Terms(mass, found.momentum + dq @ self.rotors, drift, friction, held, columns)
 
-    def slow(self, dq: Array) -> BoolArray:
-        """Return which drives are slower than those at rest of the fit, of velocities (N, n), shape (N, n)."""
-        return np.abs(dq @ self._coupling.T) < self._slow
+    def rests(self, dq: Array, step: float) -> BoolArray:
+        """Return where each drive rests, of velocities (N, n) a step in s apart, shape (N, n).
+
+        A drive that only passes through zero speed does not; of one sample alone nobody knows whether it does.
+        """
+        speeds = dq @ self._coupling.T
+        return at_rest(speeds, self._slow, 1.0 / step) if len(dq) > 1 else np.abs(speeds) < self._slow
 
     def _bodies_at(self, q: Array, dq: Array) -> _Bodies:
         if self._kernel is None:

@@ -18,7 +18,6 @@ import numpy as np
 from dynident.applications.monitor.equations import Equations, Terms
 from dynident.applications.standstill import end_states
 from dynident.arrays import Array
-from dynident.data.preprocessing import SHORTEST_REST
 from dynident.errors import BadOption
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
@@ -114,10 +113,7 @@ class MomentumObserver:
         """Yield the terms of many samples that follow each other after a step in s, some at a time."""
         state = self.states(q, dq, step, first)
         ends = end_states(self.model, first)
-        slow = self.equations.slow(dq)
-        place = np.arange(len(q))[:, None]
-        since = place - np.maximum.accumulate(np.where(slow, -len(q) - SHORTEST_REST / step, place), axis=0)
-        rests = slow & (since * step >= SHORTEST_REST)  # passing through zero speed is no rest
+        rests = self.equations.rests(dq, step)
         paths = None if ends is None else [np.asarray(self.states(q, dq, step, end)) for end in ends]
         for start in range(0, len(q), CHUNK):
             part = slice(start, start + CHUNK)

@@ -15,7 +15,6 @@ from dynident.applications.monitor.signals import Signals, held_share, residuals
 from dynident.applications.monitor.tails import Tail, shrunk, tail_of
 from dynident.applications.standstill import StatePaths, end_states
 from dynident.arrays import Array, frozen
-from dynident.data.preprocessing import SHORTEST_REST
 from dynident.errors import BadOption, LogMismatch
 
 #: Time constants of the observer below the threshold after which an alarm is over.
@@ -106,7 +105,6 @@ class MonitorState:
         friction: States of friction then, shape (n, s); None where none has one.
         held: How much of the residual static friction can be, and how much it could hold then, shape (n,) each.
         ends: States of friction from both ends at the start on, shape (n, s) each; None once they have come together.
-        slow: How long each drive has been as slow as at rest, in s, shape (n,).
     """
 
     time: float | None = None
@@ -119,7 +117,6 @@ class MonitorState:
     friction: Array | None = None
     held: tuple[Array, Array] | None = None
     ends: StatePaths | None = None
-    slow: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -270,9 +267,8 @@ def step(
     speeds, is_new = np.repeat(speed, len(way), axis=0), state.time is None or since * observer.gain > LOST
     friction = observer.states(way, speeds, since, state.friction)
     ends = _moved_on(observer, end_states(observer.model) if is_new else state.ends, way, speeds, since)
-    slow = np.where(observer.equations.slow(speed)[0], np.inf if state.slow is None else state.slow + since, 0.0)
     states = None if friction is None else friction[-1:]
-    terms = observer.equations.at(here, speed, warm, states, ends, (slow >= SHORTEST_REST)[None])
+    terms = observer.equations.at(here, speed, warm, states, ends, observer.equations.rests(speed, since))
     momentum, push = terms.momentum, effort - terms.drift
     fresh = monitor.band.variances(terms, observer.deviations(terms), speed)[0]
     if is_new:
@@ -288,7 +284,7 @@ def step(
     threshold = np.asarray(monitor.factors) * np.sqrt(variance) + held
     above = np.abs(residual) > threshold
     last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
-    own = (None if states is None else states[0], (held, terms.held[0]), _still_apart(ends), slow)
+    own = (None if states is None else states[0], (held, terms.held[0]), _still_apart(ends))
     ours = (residual, variance, np.where(above, time, last), here[0])
     named, begun = (tuple(compress(names, each)) for each in (above, above & (time - last > APART / observer.gain)))
     sample = MonitorSample(float(time), residual, threshold, held, named, begun)
