@@ -107,7 +107,7 @@ def end_states(model: DynamicModel, start: Array | None = None) -> StatePaths | 
 
     Args:
         model: Robot, drives and friction; where no part builds up over a distance there is nothing to return.
-        start: The other states, shape (n, s); None for their start.
+        start: The other states, shape (..., n, s); None for their start.
     """
     each = [(part, state) for part in model.friction for state in part.states]
     if not any(part.lags for part, _ in each):
@@ -116,7 +116,22 @@ def end_states(model: DynamicModel, start: Array | None = None) -> StatePaths | 
     high = low.copy()
     for k, (part, own) in enumerate(each):
         if part.lags:
-            low[:, k], high[:, k] = own.low, own.high
+            low[..., k], high[..., k] = own.low, own.high
+    return low, high
+
+
+def state_paths(model: DynamicModel, motion: Motion, step: float, ends: StatePaths | None) -> StatePaths | None:
+    """Return the states of friction along a motion, shape (N, n, s) each, that begins with those of both ends (n, s).
+
+    Args:
+        model: Robot, drives and friction.
+        motion: Samples that follow each other.
+        step: Time from one to the next, in s.
+        ends: As of :func:`end_states`; None for nothing to follow.
+    """
+    if ends is None:
+        return None
+    low, high = (np.asarray(model.with_states(motion, step, end).state) for end in ends)
     return low, high
 
 
@@ -140,12 +155,11 @@ def friction_between(model: DynamicModel, table: Array, motion: Motion, ends: St
 def _creeping(model: DynamicModel, motion: Motion, sign: float) -> Motion:
     """Return the motion with all drives creeping one way."""
     creep = np.linalg.solve(np.asarray(model.robot.coupling), np.full(model.robot.dof, sign * CREEP))
-    each = [(part, state) for part in model.friction for state in part.states]
-    state = np.zeros((*motion.q.shape, len(each))) if motion.state is None else np.array(motion.state)
-    for k, (part, own) in enumerate(each):
-        if part.lags:
-            state[..., k] = own.high if sign > 0 else own.low
-    return replace(motion, dq=np.broadcast_to(creep, motion.q.shape), state=state if each else None)
+    count = sum(len(part.states) for part in model.friction)
+    state = np.zeros((*motion.q.shape, count)) if motion.state is None and count else motion.state
+    if ends := end_states(model, state):
+        state = ends[int(sign > 0)]
+    return replace(motion, dq=np.broadcast_to(creep, motion.q.shape), state=state)
 
 
 def _sharp(part: Friction) -> Friction:
@@ -166,11 +180,8 @@ def held_along(model: DynamicModel, thetas: Sequence[Array], prepared: Prepared)
     rests = at_rest(speeds, rest_speeds(model.robot, prepared.how.standstill), log.rate)
     start = None if motion.state is None else motion.state[0]
     ends = None if isinstance(log.before, Log) else end_states(model, start)
-    if ends is not None:
-        low, high = (model.with_states(motion, 1.0 / log.rate, end).state for end in ends)
-        ends = None if low is None or high is None else (low, high)
-    found = []
-    for each in (held_torque(model, theta, motion, rests, ends) for theta in thetas):
+    paths, found = state_paths(model, motion, 1.0 / log.rate, ends), []
+    for each in (held_torque(model, theta, motion, rests, paths) for theta in thetas):
         sides = (each.torque, each.middle, each.half)
         torque, middle, half = (prepared.smooth(one.T).T[prepared.keep] for one in sides)
         found.append(HeldTorque(torque, middle, np.maximum(half, 0.0), each.rests[prepared.keep]))

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from dynident.applications.monitor.equations import Equations, Terms
-from dynident.applications.standstill import end_states
+from dynident.applications.standstill import end_states, state_paths
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.identification.estimate.estimate import Estimate
@@ -88,7 +88,7 @@ class MomentumObserver:
             temperature: Of the drives, shape (N, n), where friction depends on it.
             first: States of friction at the first sample, shape (n, s); None for their start.
         """
-        parts = list(self.chunks(q, dq, float(time[-1] - time[0]) / max(len(time) - 1, 1), temperature, first))
+        parts = list(self.chunks(q, dq, float(time[-1] - time[0]) / max(len(time) - 1, 1), temperature, first, False))
         momentum, drift = (np.concatenate([getattr(one, name) for one in parts]) for name in ("momentum", "drift"))
         return self.steps(np.diff(time), momentum, torque - drift)
 
@@ -108,18 +108,26 @@ class MomentumObserver:
         return np.sqrt(np.einsum("sjb,sjb->sj", turned, turned))
 
     def chunks(
-        self, q: Array, dq: Array, step: float, temperature: Array | None = None, first: Array | None = None
+        self,
+        q: Array,
+        dq: Array,
+        step: float,
+        temperature: Array | None = None,
+        first: Array | None = None,
+        with_held: bool = True,
     ) -> Iterator[Terms]:
-        """Yield the terms of many samples that follow each other after a step in s, some at a time."""
-        state = self.states(q, dq, step, first)
-        ends = end_states(self.model, first)
-        rests = self.equations.rests(dq, step)
-        paths = None if ends is None else [np.asarray(self.states(q, dq, step, end)) for end in ends]
+        """Yield the terms of many samples that follow each other after a step in s, some at a time.
+
+        Without ``with_held`` what static friction can hold is left out, as 0.
+        """
+        state, rests = self.states(q, dq, step, first), self.equations.rests(dq, step) if with_held else None
+        ends = end_states(self.model, first) if with_held else None
+        paths = state_paths(self.model, Motion(q, dq, np.zeros_like(q)), step, ends)
         for start in range(0, len(q), CHUNK):
             part = slice(start, start + CHUNK)
             warm, kept = (None if one is None else one[part] for one in (temperature, state))
             apart = None if paths is None else (paths[0][part], paths[1][part])
-            yield self.equations.at(q[part], dq[part], warm, kept, apart, rests[part])
+            yield self.equations.at(q[part], dq[part], warm, kept, apart, None if rests is None else rests[part])
 
     def states(self, q: Array, dq: Array, step: float, first: Array | None = None) -> Array | None:
         """Return the states of friction along samples that follow each other, shape (N, n, s); None where none has one.

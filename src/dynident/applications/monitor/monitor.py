@@ -13,9 +13,10 @@ from dynident.applications.monitor.band import BandWeights, fitted_band, lagged,
 from dynident.applications.monitor.momentum_observer import MomentumObserver
 from dynident.applications.monitor.signals import Signals, held_share, residuals_of
 from dynident.applications.monitor.tails import Tail, shrunk, tail_of
-from dynident.applications.standstill import StatePaths, end_states
+from dynident.applications.standstill import StatePaths, end_states, state_paths
 from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, LogMismatch
+from dynident.model.friction import Motion
 
 #: Time constants of the observer below the threshold after which an alarm is over.
 APART = 5.0
@@ -202,16 +203,15 @@ def _band_and_shares(observer: MomentumObserver, clean: Sequence[Signals]) -> tu
     Of joints that move it is what static friction cannot hold at rest.
     """
     speeds = np.maximum(np.sqrt(np.mean(np.concatenate([run.dq**2 for run in clean]), axis=0)), 1e-9)
+    keeps = [float(np.exp(-observer.gain * run.step)) for run in clean]
     residuals, moments, held = [], [], []
-    for run in clean:
+    for run, keep in zip(clean, keeps, strict=True):
         terms = list(observer.chunks(run.q, run.dq, run.step, run.temperature, run.first))
         ends = np.cumsum([0, *(len(one.momentum) for one in terms)])
         parts = zip(terms, ends, ends[1:], strict=False)
         moments.append(np.concatenate([shapes(o, observer.deviations(o), run.dq[a:b], speeds) for o, a, b in parts]))
-        keep = float(np.exp(-observer.gain * run.step))
         held.append(held_share(np.concatenate([one.held for one in terms]), keep))
         residuals.append(residuals_of(observer, run))
-    keeps = [float(np.exp(-observer.gain * run.step)) for run in clean]
     moving = np.mean(np.concatenate(held) == 0.0, axis=0) >= MOVING
     pairs = zip(residuals, held, strict=True)
     residuals = [np.where(moving, np.maximum(np.abs(one) - own, 0.0), np.abs(one)) for one, own in pairs]
@@ -265,45 +265,68 @@ def step(
     way = here if state.q is None else np.stack([np.asarray(state.q), here[0]])
     since = 0.0 if state.time is None else time - state.time
     speeds, is_new = np.repeat(speed, len(way), axis=0), state.time is None or since * observer.gain > LOST
-    friction = observer.states(way, speeds, since, state.friction)
-    ends = _moved_on(observer, end_states(observer.model) if is_new else state.ends, way, speeds, since)
-    states = None if friction is None else friction[-1:]
+    states, ends = _states_after(observer, state, is_new, Motion(way, speeds, np.zeros_like(way)), since)
     terms = observer.equations.at(here, speed, warm, states, ends, observer.equations.rests(speed, since))
     momentum, push = terms.momentum, effort - terms.drift
     fresh = monitor.band.variances(terms, observer.deviations(terms), speed)[0]
     if is_new:
         residual, variance, held = np.zeros(len(names)), fresh, np.zeros(len(names))
     else:
-        pair = np.stack([np.asarray(state.momentum), momentum[0]]), np.stack([np.asarray(state.push), push[0]])
-        outside = observer.steps(np.array([since]), *pair)[0]
-        keep = np.exp(-observer.gain * since)
-        residual = keep * np.asarray(state.residual) + (1.0 - keep) * outside
-        variance = keep**2 * np.asarray(state.variance) + (1.0 - keep**2) * fresh
-        followed, before = (0.0, terms.held[0]) if state.held is None else state.held
-        held = keep * followed + (1.0 - keep) * 0.5 * (before + terms.held[0])
+        residual, variance, held = _followed(observer, state, since, (momentum[0], push[0]), (fresh, terms.held[0]))
     threshold = np.asarray(monitor.factors) * np.sqrt(variance) + held
     above = np.abs(residual) > threshold
     last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
-    own = (None if states is None else states[0], (held, terms.held[0]), _still_apart(ends))
-    ours = (residual, variance, np.where(above, time, last), here[0])
     named, begun = (tuple(compress(names, each)) for each in (above, above & (time - last > APART / observer.gain)))
-    sample = MonitorSample(float(time), residual, threshold, held, named, begun)
-    return MonitorState(float(time), momentum[0], push[0], *ours, *own), sample
+    following = MonitorState(
+        time=float(time),
+        momentum=momentum[0],
+        push=push[0],
+        residual=residual,
+        variance=variance,
+        active=np.where(above, time, last),
+        q=here[0],
+        friction=None if states is None else states[0],
+        held=(held, terms.held[0]),
+        ends=None if ends is None or np.array_equal(*ends) else (ends[0][0], ends[1][0]),
+    )
+    return following, MonitorSample(float(time), residual, threshold, held, named, begun)
 
 
-def _moved_on(
-    observer: MomentumObserver, ends: StatePaths | None, way: Array, speeds: Array, since: float
-) -> StatePaths | None:
-    """Return states of friction (1, n, s) from both ends after a way (2, n), or (1, n) of the first sample."""
-    if ends is None:
-        return None
-    low, high = (np.asarray(observer.states(way, speeds, since, end))[-1:] for end in ends)
-    return low, high
+def _followed(
+    observer: MomentumObserver,
+    state: MonitorState,
+    since: float,
+    here: tuple[Array, Array],
+    now: tuple[Array, Array],
+) -> tuple[Array, Array, Array]:
+    """Return residual, its variance without contact and how much of it static friction can be, shape (n,) each.
+
+    Args:
+        observer: The observer.
+        state: Of the sample before.
+        since: Time since then, in s.
+        here: Momentum, and measured torque less the model's drift, shape (n,) each.
+        now: Variance of the torque from outside without contact, and what static friction can hold, shape (n,) each.
+    """
+    assert state.held is not None
+    before, keep = (state.momentum, state.push), float(np.exp(-observer.gain * since))
+    outside = observer.steps(
+        np.array([since]), *(np.stack([np.asarray(a), b]) for a, b in zip(before, here, strict=True))
+    )
+    residual = keep * np.asarray(state.residual) + (1.0 - keep) * outside[0]
+    variance = keep**2 * np.asarray(state.variance) + (1.0 - keep**2) * now[0]
+    return residual, variance, keep * state.held[0] + (1.0 - keep) * 0.5 * (state.held[1] + now[1])
 
 
-def _still_apart(ends: StatePaths | None) -> StatePaths | None:
-    """Return states of friction (n, s) from both ends of those (1, n, s); None where they have come together."""
-    return None if ends is None or np.array_equal(*ends) else (ends[0][0], ends[1][0])
+def _states_after(
+    observer: MomentumObserver, state: MonitorState, is_new: bool, way: Motion, since: float
+) -> tuple[Array | None, StatePaths | None]:
+    """Return the states of friction (1, n, s) after a way of one or two samples, and those from both ends."""
+    model = observer.model
+    states = model.with_states(way, since, state.friction).state
+    paths = state_paths(model, way, since, end_states(model) if is_new else state.ends)
+    last = None if paths is None else (paths[0][-1:], paths[1][-1:])
+    return None if states is None else states[-1:], last
 
 
 def _row(names: Sequence[str], what: str, values: npt.ArrayLike) -> Array:

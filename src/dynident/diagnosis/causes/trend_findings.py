@@ -72,8 +72,8 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
             return None
         speed = float(np.sqrt(1.0 + 2.0 * blame.values[0]))
         return replace(blame, values=np.array([speed - 1.0]), covariance=blame.covariance / speed**2)
-    if blame.cause.name != "torque scale":  # an inertia below zero is that of no rotor
-        return blame if blame.cause.name != "rotor inertia" or blame.values[0] > 0.0 else None
+    if blame.cause.name != "torque scale":
+        return None if blame.cause.is_positive and blame.values[0] <= 0.0 else blame
     scale = scale_of(blame.cause.joint)
     if scale is None:
         value = float(blame.values[0])
