@@ -20,6 +20,7 @@ from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.spring import Spring
 from dynident.model.robot import Robot
 
 ARMS = ("planar_2r", "coupled_arm", "sliding_arm", "mimic_arm")
@@ -154,6 +155,15 @@ def test_dry_friction_has_no_rate(coupled_arm: Robot) -> None:
         assert smooth[: model.inertial_count].all() and len(smooth) == len(model.parameters)
         found = {p.symbol for p, counts in zip(model.parameters, smooth, strict=True) if not counts}
         assert found == dry & {p.symbol for p in model.parameters}
+
+
+def test_parts_of_some_joints_have_a_rate_of_their_own(coupled_arm: Robot) -> None:
+    robot = model_of(coupled_arm).robot
+    first, *others = robot.joint_names
+    parts = (Coulomb(0.01, joints=(first,)), Coulomb(0.02, joints=tuple(others)), Spring(joints=(first,)))
+    model = DynamicModel(robot, parts)
+    smooth = smooth_parameters(model)
+    assert [p.symbol for p, counts in zip(model.parameters, smooth, strict=True) if not counts] == ["Fc"] * robot.dof
 
 
 def test_bounds_that_are_not_stated_have_no_row(planar_2r: Robot) -> None:

@@ -12,6 +12,7 @@ from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.friction import FRICTION, Friction, Motion, auto_friction
 from dynident.model.friction.asymmetric import Asymmetric
+from dynident.model.friction.balancer import Balancer
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
@@ -21,6 +22,7 @@ from dynident.model.friction.offset import Offset
 from dynident.model.friction.periodic import Periodic
 from dynident.model.friction.polynomial import Polynomial
 from dynident.model.friction.rotor_inertia import RotorInertia
+from dynident.model.friction.spring import Spring
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
@@ -193,3 +195,28 @@ def test_one_drive_without_a_current_leaves_rotors_to_held_out_samples(planar_2r
     first = planar_2r.joint_names[0]
     robot = planar_2r.with_drives({first: Drive(gain=9.0)}, planar_2r.coupling)
     assert auto_friction(robot) == auto_friction()
+
+
+@given(st.floats(0.05, 0.4), st.floats(1.02, 8.0), st.floats(0.1, 3.0), st.floats(-3.0, 3.0))
+def test_a_balancer_is_the_slope_of_the_energy_of_a_spring_between_two_points(
+    near: float, ratio: float, slack: float, dead: float
+) -> None:
+    """A spring of 900 N/m from a point on the base to one on the link, its length from their places in the plane."""
+    stiffness, far = 900.0, ratio * near
+
+    def energy(q: Array) -> Array:
+        on_link = far * np.array([np.cos(q - dead), np.sin(q - dead)])
+        length = np.hypot(on_link[0] - near, on_link[1])
+        return 0.5 * stiffness * (length - slack * near) ** 2
+
+    q, step = np.linspace(dead - 2.0, dead + 2.0, 21), 1e-5
+    at = Motion(q[:, None], np.zeros((21, 1)), np.zeros((21, 1)))
+    found = stiffness * near * far * Balancer(dead, ratio, slack).columns(at)[:, 0, 0]
+    slope = (energy(q + step) - energy(q - step)) / (2.0 * step)
+    np.testing.assert_allclose(found, slope, rtol=1e-5, atol=1e-5 * np.abs(slope).max())
+
+
+def test_a_spring_asks_for_torque_in_proportion_to_the_way_from_rest() -> None:
+    q = np.array([[0.4, -1.0], [0.1, 0.0]])
+    found = Spring(rest=0.1).columns(Motion(q, 0 * q, 0 * q))
+    np.testing.assert_allclose(found[..., 0], q - 0.1, atol=1e-15)

@@ -132,10 +132,7 @@ def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     slides = _joint(blame, fit).kind == "prismatic"
     stiffness = f"{blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} {'N/m' if slides else 'N m/rad'}"
     evidence = f"the residual is proportional to the position, {stiffness}"
-    return (
-        evidence,
-        "a spring or hose: model it, or subtract its torque before the fit (drives: bias subtracts a constant)",
-    )
+    return evidence, f"a spring, hose or cable pack: add spring: {{joints: [{blame.cause.joint}]}} to friction:"
 
 
 def _rotor_inertia(blame: Blame, fit: QuickFit) -> tuple[str, str]:
@@ -162,7 +159,10 @@ def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     evidence = (
         f"the residual follows {size:.3g} +- {half:.2g} N m sin(q {'-' if phase < 0 else '+'} {abs(phase):.2f} rad)"
     )
-    return evidence, "a counterbalance, or a body fixed to the joint: model it, or subtract its torque before the fit"
+    pulls, pushes = 0.0 - phase, -phase + (np.pi if phase > 0 else -np.pi)
+    part = f"balancer: {{joints: [{blame.cause.joint}], dead_center: {pulls:.2f}}}"
+    step = f"a spring or gas cylinder: add {part} to friction: ({pushes:.2f} if it pushes), ratio and slack as drawn"
+    return evidence, f"{step}; a body fixed to the link: correct the robot model"
 
 
 def _drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:

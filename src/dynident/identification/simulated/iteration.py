@@ -11,6 +11,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import BadOption, SolverFailed
 from dynident.identification.estimators.consistent import Consistent
+from dynident.identification.problem.estimator import Estimator
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.instruments import Instruments, instruments
 from dynident.identification.simulated.closed_loop import (
@@ -22,6 +23,7 @@ from dynident.identification.simulated.closed_loop import (
 )
 from dynident.identification.simulated.course import LoopOptions
 from dynident.model.reduction import least_squares
+from dynident.plugins import bounded
 
 #: Changes from round to round that fall by less than to this share will not come to an end in time.
 SETTLING = 0.95
@@ -68,16 +70,25 @@ def started(
     return closed_loop(problem, options, start, unknown, as_instruments), start
 
 
-def check_iteration(iterations: int, tolerance: float) -> None:
-    """Refuse options of an iteration that cannot be.
+@dataclass(frozen=True)
+class Iterated(LoopOptions, Estimator):
+    """An estimator that simulates the robot again and again, with the parameters of the moment.
 
-    Raises:
-        BadOption: Fewer than one iteration, or a tolerance that is negative or no number.
+    Attributes:
+        iterations: Rounds of simulation, or Gauss-Newton steps, at most.
+        tolerance: Largest change of a parameter, as a share of its standard deviation, that ends the iteration.
     """
-    if iterations < 1:
-        raise BadOption("iterations", iterations, "give 1 or more")
-    if not 0 <= tolerance < np.inf:
-        raise BadOption("tolerance", tolerance, "give a share of a standard deviation, 0 or more, such as 0.025")
+
+    iterations: int = bounded(10, most=10_000)
+    tolerance: float = 0.025
+
+    def __post_init__(self) -> None:
+        self.check()
+        if self.iterations < 1:
+            raise BadOption("iterations", self.iterations, "give 1 or more")
+        if not 0 <= self.tolerance < np.inf:
+            step = "give a share of a standard deviation, 0 or more, such as 0.025"
+            raise BadOption("tolerance", self.tolerance, step)
 
 
 def largest_change(problem: Problem, before: Array, after: Array, deviations: Array) -> float:

@@ -71,4 +71,4 @@ def smooth_parameters(model: DynamicModel) -> BoolArray:
     forwards, backwards = (model.friction_values(replace(motion, dq=speed)) for speed in (slow, -slow))
     most = np.abs([model.friction_values(motion), forwards, backwards]).max(axis=(0, 1), initial=0.0)
     dry = np.abs(forwards - backwards).max(axis=0, initial=0.0) > TURNS * most
-    return np.r_[np.ones(model.inertial_count, dtype=bool), ~dry.ravel()]
+    return np.r_[np.ones(model.inertial_count, dtype=bool), ~dry[model.terms]]

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.problem import Problem
-from dynident.identification.simulated.course import LoopOptions
-from dynident.identification.simulated.iteration import check_iteration, started
+from dynident.identification.simulated.iteration import Iterated, started
 from dynident.identification.simulated.output_error import output_error
 from dynident.plugins import bounded
 
 
 @dataclass(frozen=True)
-class CLIE(LoopOptions, Estimator):
+class CLIE(Iterated):
     """Output error on the torque: the simulated controller's torque against the measured one (Gautier et al. 2013).
 
     The simulated robot follows the reference under the same controller; what it needs to do so is compared with what
@@ -23,18 +22,9 @@ class CLIE(LoopOptions, Estimator):
 
     Where the controller is not stated, a virtual one holds the simulated robot on the measured motion, states do not
     move with the parameters, and the method is least squares on the reference. 8 N n b bytes of derivatives are held.
-
-    Attributes:
-        iterations: Gauss-Newton steps at most.
-        tolerance: Largest change of a parameter, as a share of its standard deviation, that ends the search.
     """
 
     iterations: int = bounded(20, most=10_000)
-    tolerance: float = 0.025
-
-    def __post_init__(self) -> None:
-        self.check()
-        check_iteration(self.iterations, self.tolerance)
 
     def solve(self, problem: Problem) -> Solution:
         loop, start = started(problem, self)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.problem import Problem
-from dynident.identification.simulated.course import LoopOptions
-from dynident.identification.simulated.iteration import check_iteration, started
+from dynident.identification.simulated.iteration import Iterated, started
 from dynident.identification.simulated.output_error import output_error
 from dynident.plugins import bounded
 
 
 @dataclass(frozen=True)
-class CLOE(LoopOptions, Estimator):
+class CLOE(Iterated):
     """Output error on the position: simulated against measured positions (Landau 2001; Brunot et al. 2018).
 
     Gauss-Newton with exact derivatives of the simulated positions by the parameters (forward sensitivity equations).
@@ -23,18 +22,9 @@ class CLOE(LoopOptions, Estimator):
     Where the controller is not stated, the measured torque is fed forward and loops of ``bandwidth_hz`` hold the robot
     on the measured motion: an regressor, whose errors of position are those of the torque behind a low-pass of that
     bandwidth. Torques should then be logged fast enough to be interpolated. 8 N n b bytes of derivatives are held.
-
-    Attributes:
-        iterations: Gauss-Newton steps at most.
-        tolerance: Largest change of a parameter, as a share of its standard deviation, that ends the search.
     """
 
     iterations: int = bounded(20, most=10_000)
-    tolerance: float = 0.025
-
-    def __post_init__(self) -> None:
-        self.check()
-        check_iteration(self.iterations, self.tolerance)
 
     def solve(self, problem: Problem) -> Solution:
         loop, start = started(problem, self, "measured")

@@ -5,24 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from dynident.arrays import Array
-from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.coloured import spectral_uncertainty
 from dynident.identification.residuals.instruments import with_states
 from dynident.identification.simulated.closed_loop import simulated_logs
-from dynident.identification.simulated.course import LoopOptions
 from dynident.identification.simulated.iteration import (
+    Iterated,
     Round,
-    check_iteration,
     fixed_point,
     least_squares_round,
     started,
 )
-from dynident.plugins import bounded
 
 
 @dataclass(frozen=True)
-class DIDIM(LoopOptions, Estimator):
+class DIDIM(Iterated):
     """Least squares of the measured torques on the regressor along simulated states (Gautier et al. 2013).
 
     The method needs only torques, commanded positions and the controller: the simulated robot follows the reference
@@ -32,18 +30,7 @@ class DIDIM(LoopOptions, Estimator):
     Where the controller is not stated, a virtual one follows the measured motion, and noise that the preparation left
     in it stays in W; ``reference_hz`` takes it out. Rounds whose parameters have no positive definite mass matrix
     simulate a mixture with a robot that can, from which the iteration starts; it must not end in one.
-
-    Attributes:
-        iterations: Rounds of simulation at most.
-        tolerance: Largest change of a parameter, as a share of its standard deviation, that ends the iteration.
     """
-
-    iterations: int = bounded(10, most=10_000)
-    tolerance: float = 0.025
-
-    def __post_init__(self) -> None:
-        self.check()
-        check_iteration(self.iterations, self.tolerance)
 
     def solve(self, problem: Problem) -> Solution:
         loop, start = started(problem, self)

@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dynident.arrays import Array
-from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.instruments import Instruments, instruments
 from dynident.identification.simulated.closed_loop import simulated_logs
-from dynident.identification.simulated.course import LoopOptions
-from dynident.identification.simulated.iteration import Round, check_iteration, fixed_point, instrument_round, started
+from dynident.identification.simulated.iteration import Iterated, Round, fixed_point, instrument_round, started
 from dynident.plugins import bounded
 
 
 @dataclass(frozen=True)
-class IV(LoopOptions, Estimator):
+class IV(Iterated):
     """Instrumental variables beta = (Z' W)^-1 Z' tau, Z the regressor along simulated states (Janot et al. 2014).
 
     Noise of the measured positions is in W and in the residual, which biases least squares; it is not in Z when the
@@ -29,17 +28,9 @@ class IV(LoopOptions, Estimator):
     Attributes:
         reference: Motion to follow: ``commanded`` or ``measured``; ``auto`` takes the commanded one where it is logged.
         reference_hz: Cut-off in Hz of a zero-phase filter of the measured reference; None leaves it as it was prepared.
-        iterations: Rounds of simulation at most.
-        tolerance: Largest change of a parameter, as a share of its standard deviation, that ends the iteration.
     """
 
     reference_hz: float | None = bounded(5.0, least=1e-3, most=1e5)
-    iterations: int = bounded(10, most=10_000)
-    tolerance: float = 0.025
-
-    def __post_init__(self) -> None:
-        self.check()
-        check_iteration(self.iterations, self.tolerance)
 
     def solve(self, problem: Problem) -> Solution:
         loop, start = started(problem, self, as_instruments=True)
