@@ -18,6 +18,7 @@ from dynident.applications.standstill import end_states, held_torque
 from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
+from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.diagnosis.verdict import causes_against
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.files.estimate_file import read_estimate, write_estimate
@@ -95,6 +96,32 @@ def test_until_a_drive_has_moved_on_friction_lies_between_both_ends(coupled_arm:
         assert np.all(torque >= found.bounds[0] - 1e-9) and np.all(torque <= found.bounds[1] + 1e-9)
     assert found.rests[0].all() and np.max(found.half) > 2.0 and not found.rests[150:].any()
     np.testing.assert_array_equal(held_torque(model, theta, motion, moves).rests, False)
+
+
+@pytest.mark.parametrize("part", [Presliding(length=0.003), Presliding(length=0.02, shape=0.01), None])
+def test_filtered_bands_hold_all_that_friction_can_have_been(planar_2r: Robot, part: Presliding | None) -> None:
+    """A log begins at rest, its friction anywhere; bands hold the torque also where the filter looks back on that."""
+    model = DynamicModel(planar_2r, (Coulomb(0.01), *([] if part is None else [part])))
+    assert planar_2r.nominal is not None
+    theta = np.concatenate([planar_2r.nominal, np.tile([1.0] if part is None else [1.0, 3.0], 2)])
+    time = np.arange(1200) / 100.0
+    since, rest = np.maximum(time - 3.0, 0.0), time < 3.0
+    q = np.outer(1.0 - np.cos(2.0 * since), [0.4, -0.3])
+    dq, ddq = np.outer(np.sin(2.0 * since), [0.8, -0.6]), np.outer(np.cos(2.0 * since) * ~rest, [1.6, -1.2])
+    how = Preprocessing(Butterworth(4.0), rest="mask", standstill=0.02)
+    estimate, ends = replace(bare_estimate(model, theta), preprocessing=how), end_states(model)
+    for share in np.linspace(0.01, 0.99, 5):
+        start = None if ends is None else ends[0] + share * (ends[1] - ends[0])
+        torque = model.torque(model.with_states(Motion(q, dq, ddq), 0.01, start), theta)
+        torque[rest] += 2.0 * share - 1.0
+        found = predict_torque(estimate, Log(planar_2r.joint_names, time, q, dq, ddq, torque))
+        assert found.measured is not None
+        assert np.all(np.abs(found.measured - found.torque) <= found.half_held + 1e-3)
+    kept, level = found.prepared.kept.time, 1.0 if part is None else 4.0
+    np.testing.assert_allclose(found.half_held[kept < 2.0], level, rtol=0.01)
+    assert np.all(found.half_held[kept < 3.0] <= 1.4 * level) and np.all(
+        found.half_held[np.abs(kept - 4.4) < 0.1] < 0.01
+    )
 
 
 @pytest.mark.parametrize("beyond", [False, True])

@@ -38,8 +38,8 @@ class PredictedTorque:
             of the positions of this log, shape (N, n).
         half_measured: Half the width of the 95 % band of the measured torque: covariance of the parameters, and the
             residual of the fit or the noise of the positions, the larger of both, shape (N, n).
-        half_held: How far from the torque static friction can hold where a drive rests, shape (N, n); both bands have
-            it.
+        half_held: How far from the torque what static friction holds can lead, shape (N, n): where a drive rests, and
+            after it for as long as the filter looks back; both bands have it.
         starts: States of friction that last for minutes, at the start of a log with torques, as these say.
     """
 
@@ -84,7 +84,7 @@ def predict_torque(estimate: Estimate, log: Log) -> PredictedTorque:
     residual = np.maximum(noise, np.asarray(estimate.joint_deviations))
     (held,) = held_along(estimate.model, [parameters_of(estimate)], prepared)
     smooth = prepared.smooth(torque.T).T[prepared.keep]
-    reach = held.half + np.where(held.rests, np.abs(held.middle - smooth), 0.0)  # the whole interval, about the torque
+    reach = held.half + np.abs(held.middle - held.torque)  # the whole interval, about the torque
     return PredictedTorque(
         prepared=prepared,
         torque=smooth,

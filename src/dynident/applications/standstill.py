@@ -42,7 +42,8 @@ class HeldTorque:
     Attributes:
         torque: Torque of the model, friction with a memory at its states as anywhere, shape (N, n), in N m or N.
         middle: Where drives rest the middle of what the torque can be, elsewhere the torque, shape (N, n).
-        half: Half the width of the interval about it, shape (N, n); 0 where no drive of the joint rests.
+        half: Half the width of the interval about it, shape (N, n); 0 where no drive of the joint rests, or what a
+            filter leaves of it there.
         rests: Where a drive of the joint rests, or has not moved on since the start of the log, shape (N, n).
     """
 
@@ -75,13 +76,11 @@ def held_torque(
     motion = model.loaded(motion, theta)
     own = np.einsum("sjk,jk->sj", model.friction_values(motion), table)
     middle, half = held_friction(with_sharp_signs(model), table, motion)
-    if ends is not None:
-        between, reach = friction_between(model, table, motion, ends)
-        middle, half = np.where(rests, middle, between), np.where(rests, half, reach)
-        rests = rests | (reach > 0.0)
-    torque, shift = model.torque(motion, theta), np.where(rests, middle - own, 0.0) @ coupling
-    halves = np.where(rests, half, 0.0) @ np.abs(coupling)
-    return HeldTorque(torque, torque + shift, halves, (rests @ (coupling != 0)) > 0)
+    between, reach, apart = (own, 0.0, False) if ends is None else friction_between(model, table, motion, ends)
+    middle, half = np.where(rests, middle, between), np.where(rests, half, reach)
+    torque = model.torque(motion, theta)
+    shift, halves = (middle - own) @ coupling, half @ np.abs(coupling)
+    return HeldTorque(torque, torque + shift, halves, ((rests | apart) @ (coupling != 0)) > 0)
 
 
 def with_sharp_signs(model: DynamicModel) -> DynamicModel:
@@ -135,10 +134,12 @@ def state_paths(model: DynamicModel, motion: Motion, step: float, ends: StatePat
     return low, high
 
 
-def friction_between(model: DynamicModel, table: Array, motion: Motion, ends: StatePaths) -> tuple[Array, Array]:
+def friction_between(
+    model: DynamicModel, table: Array, motion: Motion, ends: StatePaths
+) -> tuple[Array, Array, BoolArray]:
     """Return middle and half width of the friction of each drive between states of both ends, shape (N, n) each.
 
-    The half width is 0 where these have come together.
+    Beside them stands where these have not come together yet.
 
     Args:
         model: Robot, drives and friction.
@@ -149,7 +150,7 @@ def friction_between(model: DynamicModel, table: Array, motion: Motion, ends: St
     low, high = (np.einsum("sjk,jk->sj", model.friction_values(replace(motion, state=state)), table) for state in ends)
     spans = [own.high - own.low if part.lags else np.inf for part in model.friction for own in part.states]
     apart = np.any(np.abs(ends[1] - ends[0]) > SETTLED * np.array(spans), axis=-1)
-    return 0.5 * (low + high), np.where(apart, 0.5 * np.abs(high - low), 0.0)
+    return 0.5 * (low + high), 0.5 * np.abs(high - low), apart
 
 
 def _creeping(model: DynamicModel, motion: Motion, sign: float) -> Motion:
@@ -169,6 +170,9 @@ def _sharp(part: Friction) -> Friction:
 def held_along(model: DynamicModel, thetas: Sequence[Array], prepared: Prepared) -> list[HeldTorque]:
     """Return the torques of several parameters along the kept rows of a log, filtered as the measured ones are.
 
+    At rest the torque is taken as steady, so that its interval is filtered as it is. Elsewhere it may be anything that
+    the filter makes of torques in their intervals.
+
     Args:
         model: Robot, drives and friction.
         thetas: Standard parameters, shape (p,) each.
@@ -178,14 +182,32 @@ def held_along(model: DynamicModel, thetas: Sequence[Array], prepared: Prepared)
     motion = remembered_motion(model, log)
     speeds = motion.at_motors(np.asarray(model.robot.coupling)).dq
     rests = at_rest(speeds, rest_speeds(model.robot, prepared.how.standstill), log.rate)
+    steady = (rests @ (np.asarray(model.robot.coupling) != 0)) > 0
     start = None if motion.state is None else motion.state[0]
     ends = None if isinstance(log.before, Log) else end_states(model, start)
     paths, found = state_paths(model, motion, 1.0 / log.rate, ends), []
     for each in (held_torque(model, theta, motion, rests, paths) for theta in thetas):
         sides = (each.torque, each.middle, each.half)
-        torque, middle, half = (prepared.smooth(one.T).T[prepared.keep] for one in sides)
-        found.append(HeldTorque(torque, middle, np.maximum(half, 0.0), each.rests[prepared.keep]))
+        torque, middle, half = (prepared.smooth(one.T).T for one in sides)
+        half = np.maximum(half, np.where(steady, 0.0, _most(prepared, each.half)))[prepared.keep]
+        found.append(HeldTorque(torque[prepared.keep], middle[prepared.keep], half, each.rests[prepared.keep]))
     return found
+
+
+def _most(prepared: Prepared, half: Array) -> Array:
+    """Return how large the filter leaves signals at most that nowhere exceed half widths (N, n).
+
+    Its weights have both signs (it overshoots): it is the half widths times the size of each weight.
+    """
+    reach = prepared.how.filter.reach(prepared.log.rate)
+    if not reach or not half.any():
+        return half
+    pulse = np.zeros((1, 2 * reach + 1))
+    pulse[0, reach] = 1.0
+    weights, longer = np.abs(prepared.smooth(pulse)[0]), np.pad(half, ((reach, reach), (0, 0)), mode="edge")
+    size = len(longer) + 2 * reach
+    spectrum = np.fft.rfft(longer, size, axis=0) * np.fft.rfft(weights, size)[:, None]
+    return np.maximum(np.fft.irfft(spectrum, size, axis=0)[2 * reach : 2 * reach + len(half)], 0.0)
 
 
 def with_rest(estimate: Estimate, found: Validation, logs: Sequence[Prepared]) -> Validation:

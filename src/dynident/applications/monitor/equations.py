@@ -111,8 +111,8 @@ class Equations:
         values = model.friction_values(motion)
         drives, held = np.einsum("sjk,jk->sj", values, self._table), np.zeros_like(q)
         if ends is not None:
-            middle, half = friction_between(model, self._table, motion, ends)
-            held = np.where(half > 0.0, half + np.abs(middle - drives), 0.0)
+            middle, half, apart = friction_between(model, self._table, motion, ends)
+            held = np.where(apart, half + np.abs(middle - drives), 0.0)
         if rests is not None and np.any(rests):
             middle, half = held_friction(self._sharp, self._table, motion)
             held = np.where(rests, half + np.abs(middle - drives), held)
