@@ -318,11 +318,17 @@ def test_two_groups_of_velocities_are_left_out(arm: str, motion: dict[str, Array
     assert not draft.needed and "# dq: qd1 to qd6 or q_dot1 to q_dot6" in draft.text
 
 
-def test_only_a_long_log_is_asked_whether_drives_warm_up(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
-    for rate, is_long in ((20.0, False), (4.0, True)):  # 600 samples of 30 s and of 150 s
-        log = write_log(tmp_path / "run.csv", numbered({**motion, "time": np.arange(600) / rate}))
-        draft = draft_case(arm, log, tmp_path)
-        assert ("- warm_up: {time_constant: 300, choose: [part, time_constant]}" in draft.text) == is_long
+@pytest.mark.parametrize(("rate", "ways", "alone", "tested"), [(20, 1, 0, 0), (4, 1, 120, 140), (4, 2, 190, 290)])
+def test_only_a_long_log_is_asked_whether_drives_warm_up_in_no_longer_a_time(
+    arm: str, motion: dict[str, Array], tmp_path: Path, rate: float, ways: int, alone: int, tested: int
+) -> None:
+    """A log of 30, 150 or, there and back, 300 s; without a log to test on two thirds of it train."""
+    there = {name: values if ways == 1 else np.concatenate([values, values[::-1]]) for name, values in motion.items()}
+    there |= {"time": np.arange(600 * ways) / rate}
+    log = write_log(tmp_path / "run.csv", numbered({**there, "dq": np.gradient(there["q"], 1.0 / rate, axis=0)}))
+    for test, seconds in ((), alone), ((log,), tested):
+        found = re.search(r"- warm_up: {time_constant: (\d+), choose", draft_case(arm, log, tmp_path, test=test).text)
+        assert (int(found[1]) if found else 0) == seconds
 
 
 def test_a_log_without_a_time_takes_its_rate(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:

@@ -167,6 +167,18 @@ def test_logs_too_short_for_it_do_not_try_it_and_refuse_it_where_it_is_stated(
         identify(DynamicModel(planar_2r, (*DRAFT[:2], WarmUp(vary=("time_constant",)))), [log], "wls", HOW)
 
 
+@pytest.mark.parametrize(("seconds", "is_told"), [(90.0, False), (1500.0, True)])
+def test_a_start_longer_than_the_log_is_named_where_the_log_finds_nothing_shorter(
+    planar_2r: Robot, exact_motion: MakeMotion, seconds: float, is_told: bool
+) -> None:
+    log = logged(planar_2r, exact_motion, (Coulomb(0.02), Viscous(), WarmUp(seconds)), 200.0)
+    found = identify(DynamicModel(planar_2r, DRAFT), [log], "wls", HOW)
+    part = warm_up_of(found)
+    assert part is not None and (part.time_constant > 195.0) == is_told
+    told = [one for one in warnings_of(found) if "time_constant 300 s is longer than the longest log, 200 s" in one]
+    assert bool(told) == is_told and all("log longer from a cold start to identify it" in one for one in told)
+
+
 def test_a_narrow_range_of_a_field_that_is_no_duration_is_looked_for() -> None:
     @dataclass(frozen=True)
     class Narrow(WarmUp):

@@ -5,6 +5,7 @@ A warning changes nothing. It states the evidence and what to check; the limits 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,7 +17,7 @@ from dynident.identification.consistency.log_cholesky_fit import UNFINISHED
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import CutoffSensitivity
-from dynident.model.friction import WHOLE, called
+from dynident.model.friction import called
 
 #: Total relative error of the fit above which a model explains too little.
 POOR_FIT = 0.25
@@ -104,7 +105,8 @@ def _at_ends(estimate: Estimate) -> list[str]:
             end = "least" if each.end < 0 else "largest"
             lines.append(f"{each.part} {each.field} {each.value:.3g} is the {end} value that was tried, {remedy}")
     for held in estimate.choices.chosen_fields or ():
-        if held.not_tried and held.best != held.stated and held.field != WHOLE and held.part in parts:
+        own = getattr(parts.get(held.part), held.field, held.best)  # off its start the logs have found a value
+        if held.not_tried and held.best != held.stated and math.isclose(own, held.best) and held.part in parts:
             finer = "finer positions at a higher rate" if held.best > held.stated else "larger motions"
             more = finer if parts[held.part].ranges[held.field].is_distance else "longer from a cold start"
             where = f" ({', '.join(held.joints)})" if held.joints else ""

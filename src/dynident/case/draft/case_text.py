@@ -47,6 +47,9 @@ _SLIPS = 3e-3
 #: Time constant in s with which drives warm up, likewise.
 _WARMS = 300.0
 
+#: Share of a log that trains where there is no other.
+_TRAINS = 0.67
+
 #: A joint slower than this, in rad/s, is at rest; a slide below its travel times this, a second.
 _STANDSTILL = 0.02
 
@@ -92,16 +95,16 @@ def case_text(found: Recognised, files: Files, remarks: Sequence[str]) -> str:
         f"robot: {quoted(files.robot_named)}",
         *_gravity(found),
         *_joints(found),
-        *(_servo(found, files) if is_servo_log(found) else _model(found)),
+        *(_servo(found, files) if is_servo_log(found) else _model(found, files)),
         *_data(found, files),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _model(found: Recognised) -> list[str]:
+def _model(found: Recognised, files: Files) -> list[str]:
     return [
         *drive_lines(found),
-        *_friction(found),
+        *_friction(found, files),
         *log_lines(found),
         *_preprocessing(found),
         "estimator: consistent",
@@ -182,7 +185,7 @@ def _joints(found: Recognised) -> list[str]:
     return lines
 
 
-def _friction(found: Recognised) -> list[str]:
+def _friction(found: Recognised, files: Files) -> list[str]:
     width, say = f"width: {_WIDTH:g}", "smoothing width of the Coulomb term (tanh), rad/s"
     if found.is_large:
         coulomb = f"  - coulomb: {{{width}}}   # {say}; choose: width needs all samples at once"
@@ -217,7 +220,7 @@ def _friction(found: Recognised) -> list[str]:
         f"  - presliding: {{length: {_SLIPS:g}, damping: true, choose: [part, length, shape]}}"
         "   # friction built up after reversals",
         *_ripple(found),
-        *_warm_up(found),
+        *_warm_up(found, files),
     ]
 
 
@@ -228,15 +231,21 @@ def _ripple(found: Recognised) -> list[str]:
     return [f"  - periodic: {{{own}, choose: part}}   # ripple once and twice a turn of the motor" for own in each]
 
 
-def _warm_up(found: Recognised) -> list[str]:
-    """Return the part for drives that warm up, by their temperatures or where a log without is long enough to tell."""
+def _warm_up(found: Recognised, files: Files) -> list[str]:
+    """Return the part for drives that warm up, by their temperatures or where a log without is long enough to tell.
+
+    Its time constant is within what trains.
+    """
     if found.temperature is not None:
         return ["  - temperature: {choose: part}   # friction that changes with the logged temperature of the drives"]
-    longest = max((one.duration * found.to_seconds for one in found.readings), default=0.0)
-    if longest < WarmUp.ranges["time_constant"].least_log:
+    each, least = [one.duration * found.to_seconds for one in found.readings], WarmUp.ranges["time_constant"].least_log
+    if max(each, default=0.0) < least:
         return []
+    train = each[: len(files.train) - (len(files.train) > 1 and not files.test)]
+    trained = max(train, default=0.0) * (_TRAINS if len(files.train) == 1 and not files.test else 1.0)
+    value = min(_WARMS, max(10.0 * ((trained - 1.0) // 10.0), least))
     text = "friction that changes as the drives warm up"
-    return [f"  - warm_up: {{time_constant: {_WARMS:g}, choose: [part, time_constant]}}   # {text}"]
+    return [f"  - warm_up: {{time_constant: {value:g}, choose: [part, time_constant]}}   # {text}"]
 
 
 def _behind_the_gear(found: Recognised) -> bool:
@@ -306,14 +315,14 @@ def _data(found: Recognised, files: Files) -> list[str]:
         return [_paths("train", files, train[:-1]), offered(_paths("test", files, train[-1:]), text)]
     if is_servo_log(found) and found.readings and found.readings[0].episodes > 1:
         text = "another file tests better: test: other.parquet; taken: the last third of the episodes"
-        return [_paths("train", files, train), offered("split: first:0.67", text)]
+        return [_paths("train", files, train), offered(f"split: first:{_TRAINS:g}", text)]
     if is_servo_log(found):
         return [_paths("train", files, train), offered("# test: other-run.csv", "is there another log to test on?")]
     if found.is_large:
         text = "is there another log to test on? One this large is reduced as a whole, no part of it is kept for a test"
         return [_paths("train", files, train), offered("# test: other-run.csv", text)]
     text = "another log tests better: test: other-run.csv in place of the last third of this one"
-    return [_paths("train", files, train), offered("split: first:0.67", text)]
+    return [_paths("train", files, train), offered(f"split: first:{_TRAINS:g}", text)]
 
 
 def _paths(key: str, files: Files, paths: Sequence[str]) -> str:
