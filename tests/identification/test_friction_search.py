@@ -85,7 +85,7 @@ def test_friction_is_chosen_and_the_report_says_what_was_tried(
     assert read.model.friction == estimate.model.friction
     np.testing.assert_array_equal(read.beta, estimate.beta)
     (title, table), (_, missing) = choice_tables(read.choices)
-    assert title.startswith("Cross-validation of given")
+    assert title.startswith("Friction model selection")
     left = {row[0]: row[-1] for row in missing.rows}
     tried = {row[0] for row in table.rows} | {*left}
     of_load = {"coulomb, load", "load", "load_directional", "load_stribeck"}

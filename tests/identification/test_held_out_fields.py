@@ -18,6 +18,7 @@ from dynident.identification.files.estimate_file import summary
 from dynident.identification.identify import identify
 from dynident.identification.problem.choices import Choices, FieldChoice
 from dynident.identification.problem.prior import natural_scale, prior_products
+from dynident.identification.selection.friction.held_out_errors import share_of
 from dynident.identification.selection.friction.nested_fits import beyond, fit, without
 from dynident.identification.selection.friction.search_friction import search_friction
 from dynident.model.base_parameters import base_parameters
@@ -28,6 +29,7 @@ from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
 from dynident.model.friction.load_directional import LoadDirectional
 from dynident.model.friction.load_stribeck import LoadStribeck
+from dynident.model.friction.presliding import Presliding
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
@@ -138,7 +140,7 @@ def test_identify_chooses_and_says_so(planar_2r: Robot, exact_log: MakeLog) -> N
     part = estimate.model.friction[0]
     assert isinstance(part, Coulomb) and part.width == held["value"] == pytest.approx(0.1, rel=0.06)
     ((title, table),) = choice_tables(estimate.choices)
-    assert title.startswith("Cross-validation of given") and table.rows[0][:4] == ("coulomb", "all", "width", "0.01")
+    assert title.startswith("Friction model selection") and table.rows[0][:4] == ("coulomb", "all", "width", "0.01")
     assert table.rows[0][-1] == "best"
 
 
@@ -166,9 +168,30 @@ def test_a_part_that_the_log_asks_for_is_taken_and_its_sign_turns_with_the_other
     ((_, table),) = choice_tables(Choices(chosen_fields=found))
     assert ("left out", "there", "in the model") in [(row[3], row[4], row[-1]) for row in table.rows]
     assert {(row[2], row[-1]) for row in table.rows if row[0] == "stribeck" and row[2] != "part"} == {
-        ("velocity", "by all rows")  # whatever the best of the values that were compared takes off
+        ("velocity", "all samples")  # whatever the best of the values that were compared takes off
     }
-    assert "'by all rows'" in table.note and "best" in {row[-1] for row in table.rows if row[2] == "width"}
+    assert "'all samples'" in table.note and "best" in {row[-1] for row in table.rows if row[2] == "width"}
+
+
+def test_a_share_has_its_own_std_and_an_end_of_a_range_is_named(planar_2r: Robot) -> None:
+    """Of logarithms the share 1 - e^-x has e^-x times their std; rows of a part stand together."""
+    gaps = np.array([3.0, 3.2, 2.8, 3.1, 2.9])
+    gain, error = share_of(gaps)
+    each = -np.expm1(-(gaps.mean() + 1e-6 * (gaps - gaps.mean())))
+    assert gain == pytest.approx(1.0 - np.exp(-3.0)) and error == pytest.approx(1e6 * np.std(each, ddof=1) / 5**0.5)
+    found = (
+        FieldChoice("presliding", None, "length", 3e-3, 3e-4, 3e-4, 0.1, 0.02),
+        FieldChoice("load", None, "part", 0.0, 0.0, 0.0, 0.0, 0.0),
+        FieldChoice("presliding", None, "part", 0.0, 1.0, 1.0, gain, error),
+    )
+    model = DynamicModel(planar_2r, (Coulomb(), Presliding(3e-4)))
+    ((_, table), _) = choice_tables(Choices(chosen_fields=found), model)
+    assert [row[0] for row in table.rows] == ["presliding", "presliding", "load"]
+    assert [row[5] for row in table.rows] == ["10.0 ± 2.0", "95.02 ± 0.35", "–"]
+    assert table.note.endswith("At an end of the range that is tried: presliding length.")
+    inside = replace(found[0], best=5e-3, value=5e-3)
+    ((_, table), _) = choice_tables(Choices(chosen_fields=(inside,)), model)
+    assert "At an end" not in table.note
 
 
 OPTIONAL = (RotorInertia(choose=("part",)), Degressive(choose=("part",)), Load(0.01, choose=("part", "width")))

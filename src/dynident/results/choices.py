@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from dynident.identification.problem.choices import (
@@ -39,7 +40,7 @@ def choice_tables(choices: Choices, model: DynamicModel | None = None) -> tuple[
     if choices.delays:
         tables.append(("Time delay between torque and position signals", _delays(choices.delays)))
     if tried := [each for each in choices.chosen_fields or () if not each.not_tried]:
-        tables.append(("Cross-validation of given friction fields", _held_out(tried)))
+        tables.append(("Friction model selection by cross-validation", _held_out(tried, model)))
     if missing := _not_tried(choices.chosen_fields or (), model):
         columns = (Column("part"), Column("joints"), Column("field"), Column("given", numeric=True), Column("reason"))
         tables.append(("Friction that was not tried", Table(columns, tuple(missing))))
@@ -120,7 +121,7 @@ def _field(found: FieldChoice | FieldEstimate) -> tuple[str, str, str]:
     return label(found.part), ", ".join(map(label, found.joints or ())) or "all", label(found.field)
 
 
-def _held_out(found: Sequence[FieldChoice]) -> Table:
+def _held_out(found: Sequence[FieldChoice], model: DynamicModel | None) -> Table:
     columns = (
         Column("part"),
         Column("joints"),
@@ -132,26 +133,35 @@ def _held_out(found: Sequence[FieldChoice]) -> Table:
         Column("used"),
     )
     open_parts = {(each.part, each.joints) for each in found if each.field == WHOLE}
+    order = list(dict.fromkeys(each.part for each in found))  # rows of a part stand together
     rows = tuple(
         (
             *_field(each),
             *_values(each),
-            MISSING if each.error is None else " ± ".join(format_value(100.0 * each.gain, 100.0 * each.error)),
+            " ± ".join(format_value(100.0 * each.gain, 100.0 * each.error)) if each.error else MISSING,
             MISSING if each.fastest is None else format_number(100.0 * each.fastest, 2),
             _used(each, (each.part, each.joints) in open_parts and each.field != "width"),
         )
-        for each in found
+        for each in sorted(found, key=lambda each: order.index(each.part))
     )
     note = (
-        "Reduction of the mean squared residual of held-out samples by the best value ± its std: over blocks, and as "
-        "one more the fastest fifth of the samples, out of the range of the fit, whose own stands beside it. The given "
-        "value is kept unless the reduction is half a per cent and more than chance makes it in one of twenty logs. "
-        "Of a part that was open it is a start: the reduction is that of the best value of a grid, and the value that "
-        "fits all rows best is used ('by all rows'). Of parts without fields of their own the shortest list within a "
-        "standard "
-        f"error of the best is there. {MISSING}: nothing differs, as where no samples are faster than others."
+        "Reduction of the mean squared residual of held-out samples ± its std, by the best value of a field, by a part "
+        "against its absence; below zero it grows. It is over blocks and, as one more, the fastest fifth of the "
+        "samples, out of the range of the fit, whose own stands beside it. The given value is kept unless the "
+        "reduction is half a per cent and more than chance makes it in one of twenty logs. Of a part that was open it "
+        "is a start: the reduction is that of the best values of a grid, together for all fields, and the values that "
+        "fit all samples best are used ('all samples'). Of parts without fields of their own the shortest list within "
+        f"a standard error of the best is there. {MISSING}: nothing differs, as where no samples are faster."
     )
-    return Table(columns, rows, note)
+    ends = [" ".join(_field(each)[::2]) for each in found if _is_at_end(each, model)]
+    return Table(columns, rows, note + f" At an end of the range that is tried: {', '.join(ends)}." * bool(ends))
+
+
+def _is_at_end(held: FieldChoice, model: DynamicModel | None) -> bool:
+    """Return whether another value than the stated one was taken that is an end of the range of its field."""
+    parts = () if model is None or held.value == held.stated else model.friction
+    spans = [part.ranges[held.field] for part in parts if called(part) in held.part and held.field in part.ranges]
+    return any(math.isclose(held.value, end, rel_tol=1e-3) for span in spans for end in (span.low, span.high))
 
 
 def _not_tried(found: Sequence[FieldChoice], model: DynamicModel | None) -> list[tuple[str, ...]]:
@@ -174,7 +184,7 @@ def _used(held: FieldChoice, is_start: bool) -> str:
     """Return which value the model has; of a whole part, whether it is there. Of an open part the given is a start."""
     if held.field == WHOLE:
         return "in the model" if held.value else "left out"
-    return "given" if held.value == held.stated else "by all rows" if is_start else "best"
+    return "given" if held.value == held.stated else "all samples" if is_start else "best"
 
 
 def _values(held: FieldChoice) -> tuple[str, str]:

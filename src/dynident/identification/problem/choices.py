@@ -36,9 +36,9 @@ class FieldChoice:
         joints: The joints that it is for; None for all.
         field: Name of the field; ``part`` for the part itself, whose values are 0 (left out) and 1 (there).
         stated: The value that was stated.
-        best: The value with the least cross-validation error, made finer by all rows where it was taken.
+        best: The value with the least cross-validation error, made finer by all samples where it was taken.
         value: The one that was taken.
-        gain: Share of the mean squared cross-validation residual that the best value takes off.
+        gain: Share of the mean squared cross-validation residual that the best value takes off; below 0 it grows.
         error: Standard error of that share, block by block; None where the logs have too few rows to hold some out.
         fastest: Share of the fastest samples alone, predicted by a fit of the others; None where nothing differs there.
         not_tried: Why the logs could not decide on a part; empty where they could.

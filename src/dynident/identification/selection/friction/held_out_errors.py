@@ -154,7 +154,7 @@ class HeldOut:
 
 def share_of(gaps: Array) -> tuple[float, float]:
     """Return the share that is taken off an error and its standard error, from logarithms of its ratios (B,)."""
-    return float(-np.expm1(-np.mean(gaps))), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
+    return 1.0 - (left := float(np.exp(-np.mean(gaps)))), left * float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
 
 
 def evidence(gaps: Array) -> tuple[float, float, float | None]:
@@ -166,7 +166,7 @@ def is_better(gaps: Array, chance: float | None = CHANCE, least: float = NOTHING
     """Return whether logarithms of ratios of errors (B,) are above nothing by more than chance; None: by an error."""
     gain, error = share_of(gaps)
     sizes = 1.0 if chance is None else float(student_quantile(1.0 - chance, len(gaps) - 1))
-    return gain > max(least, error * sizes)
+    return gain > max(least, error * sizes / (1.0 - gain))  # that of the logarithm
 
 
 def shortest_list(
