@@ -67,6 +67,8 @@ def neglected_torque(subject: Identified, left_out: tuple[Term, ...]) -> dict[st
     lost = {term.held_as for term in left_out if drives.alone[drives.joints.index(term.joint)]}
     coupled = not any(term in left_out for term in drives.coupled_rest())
     taken = drives.torque(motion, armature="armature" not in lost, coupled=coupled, dry="friction" not in lost)
+    if not any(term in left_out for term in drives.springs):
+        taken = taken + drives.spring_torque(motion)
     held = rigid_torque(subject, motion) + taken
     rest = subject.model.torque(motion, subject.theta) - held
     return dict(zip(subject.model.robot.joint_names, np.sqrt(np.mean(rest**2, axis=0)).tolist(), strict=True))

@@ -14,7 +14,7 @@ from dynident.arrays import Array
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.engines import mujoco_torque, mujoco_version, pinocchio_torque, pinocchio_version
 from dynident.exports.models.proving.mjcf_proof import reload_mjcf
-from dynident.exports.models.subject.drives import Drives, drives_of, rigid_torque
+from dynident.exports.models.subject.drives import Drives, Term, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription, anew_note
 from dynident.exports.models.subject.states import StateSet
@@ -22,17 +22,21 @@ from dynident.exports.models.writing.document import document_bytes, friction_no
 from dynident.exports.models.writing.mjcf_own import beside, patched_mjcf
 from dynident.exports.models.writing.xml_text import checked_names, number, numbers, quaternion, unused_name
 from dynident.model.parameters import to_mujoco_fullinertia
-from dynident.model.robot import Joint, Robot
+from dynident.model.robot import Joint, Robot, rotation_about
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed
 from dynident.robot_files.tree import some
+
+#: Distance in m of the nearer end of a balancer from the axis of its joint.
+NEAR_END = 0.1
 
 
 @dataclass(frozen=True)
 class Mjcf(ModelExporter):
     """MJCF for MuJoCo: the robot model's own file, every other byte as it was, or a new one.
 
-    Bodies, armature, damping, frictionloss. A new file has a motor a joint and coupled drives as fixed tendons.
+    Bodies, armature, damping, frictionloss. A new file has a motor a joint, coupled drives as fixed tendons, springs as
+    stiffness of joints and balancers as spatial tendons.
 
     Attributes:
         motors: Whether each joint that moves on its own gets a motor, with its effort limit where that is known.
@@ -52,7 +56,7 @@ class Mjcf(ModelExporter):
         if subject.source is not None and subject.source.kind == "mjcf":
             return self._own(subject, subject.source, path)
         files = {path: self._text(subject, drives), place_beside(path): document_bytes(subject, drives)}
-        left = left_out(drives, armature=True, coupled=True)
+        left = left_out(drives, armature=True, coupled=True, springs=not subject.between)
         notes = [
             *anew_note(subject.source, subject.estimate, "MJCF"),
             "shapes are drawn and do not touch; meshes are left out",
@@ -77,7 +81,10 @@ class Mjcf(ModelExporter):
         what = "bodies, armature, damping, Coulomb friction"
         if name := mujoco_version():
             expected = rigid + drives.torque(states.motion, armature=True, coupled=True)
+            if drives.springs and not subject.between:
+                what, expected = f"{what}, springs", expected + drives.spring_torque(states.motion)
             yield Reloaded(name, what, mujoco_torque(path, "mjcf", states), expected)
+            what = what.removesuffix(", springs")
         else:
             yield Reloaded("MuJoCo", why_not="not installed")
         if not (name := pinocchio_version()):
@@ -115,15 +122,64 @@ class Mjcf(ModelExporter):
             *geoms(robot.base_shapes, "    "),
             *sites(robot, -1, "    "),
         ]
-        values = drives.at_joints()
-        lines += _bodies(subject, values, -1, "    ")
-        lines += ["  </worldbody>", *_tendons(drives), *_followers(robot)]
+        balancers = (
+            () if subject.between else tuple(map(_Balancer, (t for t in drives.springs if t.part == "balancer")))
+        )
+        lines += [line for one in balancers for line in one.sites(robot, -1, "    ")]
+        lines += _bodies(subject, _Given(drives, balancers), -1, "    ")
+        lines += ["  </worldbody>", *_tendons(drives, balancers), *_followers(robot)]
         if self.motors:
             lines += _motors(robot)
         return ("\n".join([*lines, "</mujoco>"]) + "\n").encode("utf-8")
 
 
-def _bodies(subject: Identified, values: tuple[Array, Array, Array], parent: int, indent: str) -> Iterator[str]:
+@dataclass(frozen=True)
+class _Balancer:
+    """A balancer as a spatial tendon between two sites; the torque is the same at any ``NEAR_END``."""
+
+    term: Term
+
+    def sites(self, robot: Robot, link: int, indent: str) -> Iterator[str]:
+        """Yield its ends that are on a link, -1 for the base."""
+        j = next(i for i, joint in enumerate(robot.joints) if joint.name == self.term.joint)
+        joint, options = robot.joints[j], self.term.options
+        across = np.cross(joint.axis, np.eye(3)[np.argmin(np.abs(joint.axis))])
+        across *= NEAR_END / np.linalg.norm(across)
+        if link == j:
+            yield f'{indent}<site name={quoteattr(self._end(1))} pos="{numbers(options["ratio"] * across)}"/>'
+        if link == joint.parent:
+            place = joint.translation + joint.rotation @ rotation_about(joint.axis, options["dead_center"]) @ across
+            yield f'{indent}<site name={quoteattr(self._end(0))} pos="{numbers(place)}"/>'
+
+    def tendon(self, name: str) -> Iterator[str]:
+        """Yield its tendon."""
+        stiffness = self.term.value / (NEAR_END**2 * self.term.options["ratio"])
+        slack = f'springlength="{number(NEAR_END * self.term.options["slack"])}"'
+        yield f'    <spatial name={quoteattr(name)} stiffness="{number(stiffness)}" {slack}>'
+        yield from (f"      <site site={quoteattr(self._end(end))}/>" for end in (0, 1))
+        yield "    </spatial>"
+
+    def _end(self, end: int) -> str:
+        return f"balancer of {self.term.joint}, {('base', 'link')[end]}"
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What joints and bodies of a new file are given of the drives."""
+
+    drives: Drives
+    balancers: tuple[_Balancer, ...]
+
+    def of_joint(self, name: str) -> list[float]:
+        """Return armature, damping, friction loss, stiffness and the position without torque of a joint."""
+        drives, j = self.drives, self.drives.joints.index(name)
+        springs = [t for t in drives.springs if t.part == "spring" and t.joint == name]
+        stiffness = sum(t.value for t in springs)
+        rest = sum(t.value * t.options["rest"] for t in springs) / stiffness if stiffness else 0.0
+        return [*(float(value[j]) for value in drives.at_joints()), stiffness, rest]
+
+
+def _bodies(subject: Identified, given: _Given, parent: int, indent: str) -> Iterator[str]:
     """Yield the bodies on a link, and all on them; joints with next to no mass between them are of one body."""
     robot = subject.model.robot
     for first, carried in enumerate(robot.joints):
@@ -146,14 +202,12 @@ def _bodies(subject: Identified, values: tuple[Array, Array, Array], parent: int
             f'fullinertia="{numbers(full)}"/>'
         )
         for joint, anchor in placed_joints:
-            own = [0.0, 0.0, 0.0]
-            if joint.mimic is None:
-                column = robot.joint_names.index(joint.name)
-                own = [float(value[column]) for value in values]
+            own = given.of_joint(joint.name) if joint.mimic is None else []
             yield inner + joint_line(joint, anchor, own)
         yield from geoms(link.shapes, inner)
         yield from sites(robot, i, inner)
-        yield from _bodies(subject, values, i, inner)
+        yield from (line for one in given.balancers for line in one.sites(robot, i, inner))
+        yield from _bodies(subject, given, i, inner)
         yield f"{indent}</body>"
 
 
@@ -161,10 +215,10 @@ def _bodies(subject: Identified, values: tuple[Array, Array, Array], parent: int
 _SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
-def _tendons(drives: Drives) -> Iterator[str]:
-    """Yield a fixed tendon, whose length is the motor's position, for each drive that turns several joints."""
+def _tendons(drives: Drives, balancers: Sequence[_Balancer]) -> Iterator[str]:
+    """Yield a fixed tendon, whose length is the motor's position, for each drive of several joints; and balancers."""
     coupled = np.flatnonzero(~drives.alone)
-    if not len(coupled):
+    if not len(coupled) and not balancers:
         return
     yield "  <tendon>"
     taken: set[str] = set()
@@ -178,6 +232,8 @@ def _tendons(drives: Drives) -> Iterator[str]:
         for k in np.flatnonzero(drives.coupling[j]):
             yield f'      <joint joint={quoteattr(drives.joints[k])} coef="{number(drives.coupling[j, k])}"/>'
         yield "    </fixed>"
+    for one in balancers:
+        yield from one.tendon(unused_name(f"balancer of {one.term.joint}", taken))
     yield "  </tendon>"
 
 
@@ -210,11 +266,11 @@ def pose(rotation: Array, translation: Array) -> str:
 
 
 def joint_line(joint: Joint, anchor: Array, values: Sequence[float]) -> str:
-    """Return the element of a joint with armature, damping and friction loss; a range where both ends are known."""
+    """Return the element of a joint with what ``_Given.of_joint`` says of it; a range where both ends are known."""
     kind = "hinge" if joint.kind == "revolute" else "slide"
     lower, upper = joint.limits.lower, joint.limits.upper
     bound = f' range="{number(lower)} {number(upper)}"' if np.isfinite([lower, upper]).all() and lower < upper else ""
-    named = zip(("armature", "damping", "frictionloss"), values, strict=True)
+    named = zip(("armature", "damping", "frictionloss", "stiffness", "springref"), values, strict=False)
     text = "".join(f' {name}="{number(value)}"' for name, value in named if value)
     place = f' pos="{numbers(anchor)}"' if anchor.any() else ""
     return f'<joint name={quoteattr(joint.name)} type="{kind}"{place} axis="{numbers(joint.axis)}"{bound}{text}/>'

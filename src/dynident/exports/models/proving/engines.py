@@ -127,7 +127,7 @@ def _torque_of(api: Any, model: Any, states: StateSet, is_urdf: bool, bodies_onl
         api.mj_inverse(model, state)
         found[k] = state.qfrc_inverse[dofs]
     found += np.sign(dq) * model.dof_frictionloss[dofs]
-    for tendon in range(model.ntendon):
+    for tendon in np.flatnonzero(model.tendon_frictionloss):  # those of springs have none
         part = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
         row = np.zeros(model.njnt)
         row[model.wrap_objid[part]] = model.wrap_prm[part]

@@ -140,12 +140,12 @@ class _Followed:
 
     def goals(self, states: Array, feed: str) -> Array:
         """Return what a law is told at states (3, N, n), shape (N, 5, n): q, dq, ddq, torque fed, torque of drives."""
-        beside = np.zeros_like(states[0])
-        fed = self.rigid(np.stack([states[0], beside, beside]))
+        beside, springs = np.zeros_like(states[0]), self.drives.spring_torque(Motion(*states))
+        fed = self.rigid(np.stack([states[0], beside, beside])) + springs
         if feed == "model":
             coupling = self.drives.coupling
             speed = states[1] @ coupling.T
-            beside = (speed * self.drives.damping + np.tanh(speed / WIDTH) * self.drives.dry) @ coupling
+            beside = (speed * self.drives.damping + np.tanh(speed / WIDTH) * self.drives.dry) @ coupling + springs
             fed = self.rigid(states) + states[2] @ self.rotors.T + beside
         return np.ascontiguousarray(np.stack([*states, fed, beside], axis=1))
 

@@ -21,6 +21,9 @@ from dynident.model.kernels import batched
 #: Share of the friction of a drive above which a part of another shape is one.
 SAME = 1e-9
 
+#: Parts that are springs, which a simulator may hold as such.
+SPRINGS = ("spring", "balancer")
+
 
 @dataclass(frozen=True)
 class Term:
@@ -33,7 +36,8 @@ class Term:
         value: Its value.
         unit: Its unit.
         options: Options of the part.
-        held_as: What simulators hold it as, of drives that turn one joint (``Coefficient.in_simulators``); or empty.
+        held_as: What simulators hold it as, of drives that turn one joint: ``Coefficient.in_simulators``,
+            ``spring``, or empty.
     """
 
     joint: str
@@ -93,6 +97,22 @@ class Drives:
                     lost.append(simulated_term(self.joints[j], word, float(values[j]), "at the motor"))
         return tuple(lost)
 
+    @property
+    def springs(self) -> tuple[Term, ...]:
+        """What is left over and is a spring, of drives that turn one joint as far as themselves."""
+        same = np.all(self.coupling == np.eye(len(self.joints)), axis=1)
+        there = {self.joints[j] for j in np.flatnonzero(same)}
+        found = (term for term in self.rest if term.held_as == "spring" and term.joint in there)
+        return tuple(term for term in found if term.part == "spring" or term.unit == "N m")
+
+    def spring_torque(self, motion: Motion) -> Array:
+        """Return the torque of the springs at the joints, shape (N, n)."""
+        found = np.zeros_like(motion.q)
+        for term in self.springs:
+            part, j = FRICTION.make(term.part, term.options), self.joints.index(term.joint)
+            found[:, j] += term.value * part.columns(motion.of_drives([j]))[:, 0, 0]
+        return found
+
     def torque(self, motion: Motion, *, armature: bool, coupled: bool, dry: bool = True) -> Array:
         """Return the torque of armature, damping and Coulomb friction (sharp sign) at the joints, shape (N, n).
 
@@ -127,6 +147,7 @@ def drives_of(subject: Identified) -> Drives:
     column = 0
     for part in model.friction:
         name, drives = FRICTION.name_of(part), model.drives_of(part)
+        spring = "spring" if name in SPRINGS else ""
         has_friction[list(drives)] |= not all(part.is_inertia)
         own = table[:, column : column + len(part.coefficients)]
         column += len(part.coefficients)
@@ -136,7 +157,15 @@ def drives_of(subject: Identified) -> Drives:
                 held[word][j] += value
             units = {c.symbol: c.unit_of(robot.active[j].kind) for c in part.coefficients}
             rest += [
-                Term(robot.joint_names[j], name, symbol, value, units.get(symbol, robot.active[j].unit), part.options)
+                Term(
+                    robot.joint_names[j],
+                    name,
+                    symbol,
+                    value,
+                    units.get(symbol, robot.active[j].unit),
+                    part.options,
+                    spring,
+                )
                 for symbol, value in left.items()
                 if value
             ]

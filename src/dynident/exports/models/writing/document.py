@@ -148,14 +148,16 @@ def place_beside(path: Path) -> Path:
     return path.with_name(f"{path.name}.dynident.json")
 
 
-def left_out(drives: Drives, *, armature: bool, coupled: bool) -> tuple[Term, ...]:
+def left_out(drives: Drives, *, armature: bool, coupled: bool, springs: bool = False) -> tuple[Term, ...]:
     """Return the coefficients that a format cannot hold.
 
     Args:
         drives: The drives.
         armature: Whether it holds rotor inertias.
         coupled: Whether it holds drives that turn several joints.
+        springs: Whether it holds springs of drives that turn one joint.
     """
+    rest = tuple(term for term in drives.rest if not springs or term not in drives.springs)
     rotors: list[Term] = []
     if not armature:
         alone = drives.alone if not coupled else drives.alone | True
@@ -164,7 +166,7 @@ def left_out(drives: Drives, *, armature: bool, coupled: bool) -> tuple[Term, ..
             for name, value, is_alone in zip(drives.joints, drives.armature, alone, strict=True)
             if value and is_alone
         ]
-    return (*rotors, *(() if coupled else drives.coupled_rest()), *drives.rest)
+    return (*rotors, *(() if coupled else drives.coupled_rest()), *rest)
 
 
 def friction_notes(drives: Drives, target: str) -> tuple[str, ...]:
