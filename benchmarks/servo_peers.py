@@ -1,13 +1,14 @@
 """Servos beside mujoco.sysid and CMA-ES, on the same logs in one process: error of held-out roll-outs and time.
 
-The XL330 logs whose drive is on throughout: kp 100, 400 and 800 to learn from, kp 200 to test (split A of its README).
-mujoco.sysid as its documentation shows: MuJoCo at 2 ms (implicitfast), its own least squares by finite differences, a
-position actuator with a force range, and as parameters the torque at full duty, damping, armature, frictionloss and the
-tilt of the base (an angle offset). CMA-ES (package cma) over the roll-outs of dynident with load-dependent friction,
+The XL330 logs whose drive is on throughout: those of one kp (by default 200, split A of its README) to test, those of
+the three others to learn from. mujoco.sysid as its documentation shows: MuJoCo at 2 ms (implicitfast), its own least
+squares by finite differences, errors over the size of the measured motion of each log, a position actuator with a force
+range, and as parameters the torque at full duty, damping, armature, frictionloss and the tilt of the base (an angle
+offset). CMA-ES (package cma) over the roll-outs of dynident with load-dependent friction,
 Huber-like cost as in the fit, population and step by its defaults, in the logarithms of the parameters, until its own
 tolerances or a budget of the processor. All three know the drive law, CMA-ES and mujoco.sysid start from the same
 guess, and BLAS has one thread. Needs: pip install "mujoco[sysid]" cma.
-Run: python -m benchmarks.servo_peers FOLDER [--budget SECONDS]
+Run: python -m benchmarks.servo_peers FOLDER [--held KP ...] [--budget SECONDS]
 """
 
 from __future__ import annotations
@@ -177,21 +178,26 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("folder", type=Path, help="the folder dynamixel_xl330_bam")
     options.add_argument("--budget", type=float, default=300.0, help="seconds of the processor for CMA-ES")
+    options.add_argument("--held", type=float, nargs="+", default=[200.0], help="position gains to test, one by one")
     chosen = options.parse_args()
     robot = read_robot(str(chosen.folder / "urdf" / "pendulum_m0490_l100.urdf"))
     columns = ColumnMap(time="t", q=("q1",), q_ref=("q_ref1",), torque=())
     how = ServoColumns((robot.joint_names[0],), columns, ("torque_enable",), kp="kp{}")
     names = sorted(path for path in (chosen.folder / "logs").glob("*.csv") if "drop" not in path.name)
     logs = [log for path in names for log in read_servo_logs(path, how)]
-    train, test = [log for log in logs if log.kp != 200.0], [log for log in logs if log.kp == 200.0]
-    print(f"{len(train)} logs to learn from, {len(test)} to test")
-    print(f"{'':45s} {'training':>8s} {'test':>8s} {'processor':>10s}\n{'':45s} {'mrad':>8s} {'mrad':>8s} {'s':>10s}")
-    by_dynident(robot, train[:1], [], "m1")  # compiled code and packages are loaded
-    for friction in ("m1", "m3", "auto"):
-        print(by_dynident(robot, train, test, friction), flush=True)
-    print(by_sysid(train, test), flush=True)
-    seen, unseen = ([record_of(log, 0, measured_loads(robot, log)[0], LAW) for log in some] for some in (train, test))
-    print(by_cma(seen, unseen, chosen.budget), flush=True)
+    by_dynident(robot, logs[:1], [], "m1")  # compiled code and packages are loaded
+    for kp in chosen.held:
+        train, test = [log for log in logs if log.kp != kp], [log for log in logs if log.kp == kp]
+        print(f"kp {kp:g}: {len(train)} logs to learn from, {len(test)} to test")
+        print(f"{'':45s} {'training':>8s} {'test':>8s} {'processor':>10s}")
+        print(f"{'':45s} {'mrad':>8s} {'mrad':>8s} {'s':>10s}")
+        for friction in ("m1", "m3", "auto"):
+            print(by_dynident(robot, train, test, friction), flush=True)
+        print(by_sysid(train, test), flush=True)
+        seen, unseen = (
+            [record_of(log, 0, measured_loads(robot, log)[0], LAW) for log in some] for some in (train, test)
+        )
+        print(by_cma(seen, unseen, chosen.budget), flush=True)
 
 
 if __name__ == "__main__":

@@ -95,6 +95,8 @@ def joint_motion(record: JointRecord, own: Array, measured: MeasuredMotion | Non
     stamps = record.samples[record.read, 0]
     rolled = model.q[:: len(step) // (len(record.q) - 1)]
     left = beyond_noise(record.q - rolled, record)[record.read, None]
+    if not left.any():
+        return found
     rest = measured.filtered(between(stamps, left, np.clip(measured.time, stamps[0], stamps[-1])))[:, 0]
     speed = np.gradient(rest, measured.time)
     parts = (rest, speed, np.gradient(speed, measured.time))

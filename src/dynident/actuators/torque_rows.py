@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -40,14 +40,15 @@ class TorqueRows:
 
     Attributes:
         always: Filtered columns of friction and armature, shape (K, c).
-        drives: Those of the drive at each slew limit with the log as it is, and by the kind that is turned over.
+        drive: Returns those of the drive, shape (K, d), by what is turned over, empty for nothing, and the place of the
+            slew limit in SLEWS.
         moves: Samples of the grid of the motion where the joint moves, K of them.
         count: Values of the filtered torque there that are independent.
         factors: Columns and their QR factors by kind and place of the slew limit, made when asked for.
     """
 
     always: Array
-    drives: dict[str, list[Array]]
+    drive: Callable[[str, int], Array]
     moves: BoolArray
     count: float
     factors: dict[tuple[str, int], tuple[Array, Array, Array]] = field(default_factory=dict)
@@ -64,7 +65,7 @@ class TorqueRows:
             slope: Its change by the zero of the encoder, which may be off by up to 0.3 rad, shape (M,); None for none.
         """
         aim, turn = target[self.moves], np.zeros(self.moves.sum()) if slope is None else slope[self.moves]
-        errors = [self._left(kind, slew, aim, turn) for slew in range(len(self.drives[kind]))]
+        errors = [self._left(kind, slew, aim, turn) for slew in range(len(SLEWS))]
         return min(errors, key=lambda error: float(error @ error))
 
     def cost(self, kind: str, target: Array, slope: Array) -> float:
@@ -75,7 +76,7 @@ class TorqueRows:
     def _factors(self, kind: str, slew: int) -> tuple[Array, Array, Array]:
         """Return the columns at a slew limit in units of their length, and their QR factors."""
         if (kind, slew) not in self.factors:
-            columns = np.hstack([self.always, self.drives[kind][slew]])
+            columns = np.hstack([self.always, self.drive(kind, slew)])
             sizes = np.linalg.norm(columns, axis=0)
             columns = columns / np.where(sizes > 0, sizes, 1.0)
             basis, factor = np.linalg.qr(columns)
@@ -111,21 +112,19 @@ def joint_rows(log: ServoLog, joint: int, motion: MeasuredMotion, has_weight: bo
     angle, command = between(log.time, log.q[:, [joint]], time)[:, 0], log.q_ref[before, joint]
     given = np.array([log.added[before, joint], log.dq_ref[before, joint]])
 
-    def drives(side: float, state: BoolArray) -> list[Array]:
-        found = []
-        for slew in float(np.abs(dq).max()) * np.array(SLEWS):
-            error = limited_goal(time, side * command, slew) - angle
-            bends = np.quantile(np.abs(error[moves]), _BENDS)
-            own = [np.clip(error, -bend, bend) for bend in bends]
-            found.append(motion.filtered((np.array([*own, -dq, *(side * given)]) * state).T)[moves])
-        return found
+    def drive(kind: str, slew: int) -> Array:
+        side, state = -1.0 if kind == COMMAND else 1.0, ~on if kind == STATE and not on.all() else on
+        error = limited_goal(time, side * command, float(np.abs(dq).max()) * SLEWS[slew]) - angle
+        bends = np.quantile(np.abs(error[moves]), _BENDS)
+        own = [np.clip(error, -bend, bend) for bend in bends]
+        return motion.filtered((np.array([*own, -dq, *(side * given)]) * state).T)[moves]
 
     weight = [np.ones(len(q)), np.sin(q), np.cos(q)] if has_weight else []
     always = np.array([*weight, *(-one for one in weight), -dq, -np.tanh(dq / REST), -motion.ddq[:, joint]])
     cutoff = min(CUTOFF_HZ, 0.2 / float(np.median(np.diff(log.time))))
     return TorqueRows(
         motion.filtered(always.T)[moves],
-        {"": drives(1.0, on), COMMAND: drives(-1.0, on), STATE: drives(1.0, on if on.all() else ~on)},
+        drive,
         moves,
         2.0 * cutoff * step * float(moves.sum()),
     )

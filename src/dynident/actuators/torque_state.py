@@ -46,7 +46,7 @@ def check_torque_state(robot: Robot, log: ServoLog) -> None:
         if rows is None or not is_tried or seconds[~on].sum() <= OFF_S:
             continue
         as_is, turned = (float(np.linalg.norm(rows.left(kind, target[:, joint]))) for kind in ("", STATE))
-        least = math.log(ODDS) + 0.5 * rows.drives[STATE][0].shape[1] * math.log(rows.count)
+        least = math.log(ODDS) + 0.5 * rows.drive(STATE, 0).shape[1] * math.log(rows.count)
         if rows.count * math.log(as_is / max(turned, float(np.finfo(float).tiny))) > least:
             found = likeliest([LogTorques.of(robot, log)], is_switched=True)
             found = found or Turned(STATE, joint, 0.0, True, turned / as_is)

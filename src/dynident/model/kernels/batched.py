@@ -229,8 +229,8 @@ def _share(samples: int, threads: int, work: Callable[[slice], None]) -> None:
     """Call ``work`` on slices that cover the samples, on up to ``threads`` threads."""
     if threads < 1:
         raise ValueError(f"threads is {threads}, expected 1 or more")
-    parts = min(threads, max(1, samples // SHARE), os.cpu_count() or 1)
-    if parts == 1:
+    parts = min(threads, max(1, samples // SHARE))
+    if parts == 1 or (parts := min(parts, os.cpu_count() or 1)) == 1:
         work(slice(0, samples))
         return
     edges = np.linspace(0, samples, parts + 1).astype(int)
