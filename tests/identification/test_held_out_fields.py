@@ -189,9 +189,9 @@ def test_a_share_has_its_own_std_and_an_end_of_a_range_is_named(planar_2r: Robot
     assert [row[0] for row in table.rows] == ["presliding", "presliding", "load"]
     assert [row[5] for row in table.rows] == ["10.0 ± 2.0", "95.02 ± 0.35", "–"]
     assert table.note.endswith("At an end of the range that is tried: presliding length.")
-    inside = replace(found[0], best=5e-3, value=5e-3)
-    ((_, table), _) = choice_tables(Choices(chosen_fields=(inside,)), model)
-    assert "At an end" not in table.note
+    inside, low = replace(found[0], best=5e-3, value=5e-3), replace(found[0], stated=1e-6, not_tried="1e-06 is too low")
+    ((_, table), (_, missing)) = choice_tables(Choices(chosen_fields=(inside, low)), model)
+    assert "At an end" not in table.note and missing.rows[0][-1] == "1e-06 is too low; the search began at 0.0003"
 
 
 OPTIONAL = (RotorInertia(choose=("part",)), Degressive(choose=("part",)), Load(0.01, choose=("part", "width")))

@@ -166,7 +166,10 @@ def _is_at_end(held: FieldChoice, model: DynamicModel | None) -> bool:
 
 def _not_tried(found: Sequence[FieldChoice], model: DynamicModel | None) -> list[tuple[str, ...]]:
     """Return what the logs could not decide on, and the parts of ``friction: auto`` that the case does not offer."""
-    rows = [(*_field(each), _values(each)[0], each.not_tried) for each in found if each.not_tried]
+    left = [each for each in found if each.not_tried]
+    starts = [f"; the search began at {each.best:.3g}" * (each.best != each.stated) for each in left]
+    pairs = zip(left, starts, strict=True)
+    rows = [(*_field(each), _values(each)[0], each.not_tried + start) for each, start in pairs]
     if not found or model is None:
         return rows
     known = {name for each in found for name in each.part.split(", ")} | {called(part) for part in model.friction}

@@ -300,6 +300,36 @@ def test_the_state_of_presliding_at_the_start_is_no_contact(robot: Robot, push: 
         np.testing.assert_allclose(reading.held, found.held[k], atol=1e-6)
 
 
+@pytest.mark.parametrize("gap", [(500, 900), (730, 790), (700, 703)])
+def test_a_stream_goes_on_after_a_gap_in_which_the_drives_turned(robot: Robot, gap: tuple[int, int]) -> None:
+    """In 1.6 or 0.24 s without samples they turn: presliding may be anywhere then. In 16 ms none does; a push is told.
+
+    What lasts for minutes, as the warmth of drives, goes on.
+    """
+    model = DynamicModel(robot, tuple(FRICTION.make(name) for name in ("viscous", "presliding", "warm_up")))
+    assert robot.nominal is not None
+    theta, rate = np.concatenate([robot.nominal, np.tile([3.0, 8.0, 0.0, -0.5], robot.dof)]), 250.0
+    time, noise = np.arange(1500) / rate, 0.3 * np.random.default_rng(1).normal(size=(5, 1500, robot.dof))
+    sizes, speed = np.linspace(0.3, 0.24, robot.dof), 1.03
+    q, dq = np.outer(1.0 - np.cos(speed * time), sizes), np.outer(np.sin(speed * time), speed * sizes)
+    motion = model.with_states(Motion(q, dq, np.outer(np.cos(speed * time), speed**2 * sizes)), 1.0 / rate)
+    torque, estimate = model.torque(motion, theta), bare_estimate(model, theta)
+    signals = signals_of(estimate, Log(robot.joint_names, time, q, dq, motion.ddq, torque))
+    clean = [replace(signals, torque=torque + one) for one in noise[1:]]
+    monitor = calibrated(MomentumObserver(estimate), clean, 1.0 / 3600.0)
+    torque = torque + 0.7 * noise[0] + 6.0 * (time >= 4.8)[:, None]
+    state, held, alarms = MonitorState(), np.zeros((1500, robot.dof)), list[int]()
+    for k in (*range(gap[0]), *range(gap[1], 1500)):
+        state, reading = step(monitor, state, float(time[k]), signals.q[k], signals.dq[k], torque[k])
+        held[k], alarms = reading.held, alarms + [k] * bool(reading.alarms)
+        if state.ends is not None:
+            assert state.friction is not None and np.all(state.friction[:, 1] > 1e-4 * (k >= gap[1]) - 1e-12)
+            assert all(np.array_equal(end[:, 1], state.friction[:, 1]) for end in state.ends)
+    assert alarms and 1200 <= min(alarms) < 1210
+    assert np.all(held[gap[1] :].max(axis=0) > 5.0) == (gap[1] - gap[0] > 10) and np.all(held[1200:] < 0.01)
+    assert state.ends is None
+
+
 @pytest.mark.parametrize("push", [0.9, 4.0])
 def test_what_static_friction_holds_at_rest_is_no_contact(robot: Robot, push: float) -> None:
     """A log stands still in its last 3 s, the drives against their load; clean runs never stand.

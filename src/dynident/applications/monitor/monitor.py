@@ -30,6 +30,9 @@ MOVING = 0.1
 #: A step longer than this many time constants of the observer starts it anew.
 LOST = 20.0
 
+#: Steps of the clean runs in which no drive turns unseen, nor does one within a time constant of the observer.
+UNSEEN = 2.5
+
 
 @dataclass(frozen=True)
 class Monitor:
@@ -105,7 +108,8 @@ class MonitorState:
         q: Positions of the last sample, shape (n,), in rad or m.
         friction: States of friction then, shape (n, s); None where none has one.
         held: How much of the residual static friction can be, and how much it could hold then, shape (n,) each.
-        ends: States of friction from both ends at the start on, shape (n, s) each; None once they have come together.
+        ends: States of friction from both ends at the start or a gap on, shape (n, s) each; None once they have come
+            together.
     """
 
     time: float | None = None
@@ -242,7 +246,7 @@ def step(
     """Return the next state and the reading of one sample of a stream; start with ``MonitorState()``.
 
     The residual is that of :func:`residuals_of` on a whole log, to rounding. After a gap of many time constants of the
-    observer it starts anew.
+    observer it starts anew; after one in which a drive may have turned, presliding may be anywhere.
 
     Args:
         monitor: The monitor.
@@ -265,7 +269,7 @@ def step(
     way = here if state.q is None else np.stack([np.asarray(state.q), here[0]])
     since = 0.0 if state.time is None else time - state.time
     speeds, is_new = np.repeat(speed, len(way), axis=0), state.time is None or since * observer.gain > LOST
-    states, ends = _states_after(observer, state, is_new, Motion(way, speeds, np.zeros_like(way)), since)
+    states, ends = _states_after(monitor, state, is_new, Motion(way, speeds, np.zeros_like(way)), since)
     terms = observer.equations.at(here, speed, warm, states, ends, observer.equations.rests(speed, since))
     momentum, push = terms.momentum, effort - terms.drift
     fresh = monitor.band.variances(terms, observer.deviations(terms), speed)[0]
@@ -275,7 +279,7 @@ def step(
         residual, variance, held = _followed(observer, state, since, (momentum[0], push[0]), (fresh, terms.held[0]))
     threshold = np.asarray(monitor.factors) * np.sqrt(variance) + held
     above = np.abs(residual) > threshold
-    last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
+    last = np.asarray(np.full(len(names), -np.inf) if state.active is None else state.active)
     named, begun = (tuple(compress(names, each)) for each in (above, above & (time - last > APART / observer.gain)))
     following = MonitorState(
         time=float(time),
@@ -319,14 +323,18 @@ def _followed(
 
 
 def _states_after(
-    observer: MomentumObserver, state: MonitorState, is_new: bool, way: Motion, since: float
+    monitor: Monitor, state: MonitorState, is_new: bool, way: Motion, since: float
 ) -> tuple[Array | None, StatePaths | None]:
-    """Return the states of friction (1, n, s) after a way of one or two samples, and those from both ends."""
-    model = observer.model
+    """Return the states of friction (1, n, s) after a way of one or two samples, and those from both ends.
+
+    Where the drives may have turned on the way, friction that builds up over a distance may have any state after it.
+    """
+    model = monitor.observer.model
+    may_turn = is_new or since > max(1.0 / monitor.observer.gain, UNSEEN * monitor.clean_steps[1])
     states = model.with_states(way, since, state.friction).state
-    paths = state_paths(model, way, since, end_states(model) if is_new else state.ends)
-    last = None if paths is None else (paths[0][-1:], paths[1][-1:])
-    return None if states is None else states[-1:], last
+    last = None if states is None else states[-1:]
+    paths = end_states(model, last) if may_turn else state_paths(model, way, since, state.ends)
+    return last, None if paths is None else (paths[0][-1:], paths[1][-1:])
 
 
 def _row(names: Sequence[str], what: str, values: npt.ArrayLike) -> Array:

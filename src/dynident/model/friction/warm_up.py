@@ -80,7 +80,7 @@ class WarmUp(Friction):
         risen_by = half / self.time_constant * (way + way**2 / (max(step, SHORTEST) * self.crossover))
         found = np.empty(way.shape)
         found[:1] = 0.0 if first is None else first[:, 0]
-        size = max(int(PIECE * self.time_constant / step), 1)
+        size = max(int(PIECE * self.time_constant / max(step, SHORTEST)), 1)
         for start in range(1, len(found), size):  # the sum in closed form: all of it is positive, so nothing cancels
             piece = risen_by[start : start + size]
             decay = half ** (2.0 * np.arange(1, len(piece) + 1)[:, None])
