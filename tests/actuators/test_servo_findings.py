@@ -61,6 +61,34 @@ def test_a_joint_that_is_held_and_a_short_way_to_full_speed_are_no_faults(log: S
     assert names(replace(pushed, q_ref=log.q + 8.0 * (time < 2.5)[:, None])) == [("warning", "saturated")]
 
 
+def test_saturation_for_long_is_no_fault_beside_a_log_below_the_limit(log: ServoLog) -> None:
+    """The motions of excite saturate on purpose; throughout, or in all logs, it is one."""
+    limited = replace(log, q_ref=log.q + 8.0 * (log.time < 2.5)[:, None], enabled=(log.time < 3.0)[:, None], kp=2.0)
+    held = replace(log, q_ref=np.full_like(log.q_ref, 0.1))
+    for others, is_told in (((limited,), True), ((limited, held), True), ((limited, log), False)):
+        assert [one.name for one in servo_findings(limited, (LAW,), others)] == ["saturated"] * is_told
+    assert [one.severity for one in servo_findings(replace(log, kp=200.0), (LAW,), (log,))] == ["error"]
+
+
+def test_an_end_stop_is_named(robot: Robot, log: ServoLog) -> None:
+    """An arm that is let go and comes to rest on a table, at a limit of the robot model; led there, or swinging."""
+    names = ("time", "q", "q_ref", "dq_ref", "added", "enabled", "supply", "failed")
+    swing = replace(log, **{name: getattr(log, name)[log.time > 1.6] for name in names})
+    stop = 0.3
+    stopped = replace(swing, name="stopped", q=np.maximum(swing.q, stop))
+    assert swing.q.min() < 0.0 and swing.q[0] > stop + 0.2
+    limits = replace(robot.active[0].limits, lower=stop)
+    limited = replace(robot, joints=tuple(replace(one, limits=limits) for one in robot.joints))
+    (found,) = arm_findings(limited, [stopped, stopped])
+    assert (found.severity, found.name) == ("warning", "end stop") and "2 of 2 logs (stopped, ...)" in found.evidence
+    assert "end stop" not in [one.name for one in arm_findings(limited, [swing])]
+    led = replace(stopped, q_ref=stopped.q, enabled=np.ones_like(stopped.enabled))
+    assert "end stop" not in [one.name for one in arm_findings(limited, [led])]
+    logs = [*virtual_logs(robot, parameters(), gains=(2.0, 6.0)), stopped]
+    joint = identify_actuators(robot, ServoSetup((LAW,), ServoColumns(("joint1",)), "m1"), logs).joints[0]
+    assert any("do not follow 1 of 7 logs (stopped;" in text and "end stop" in text for text in joint.remarks)
+
+
 def test_commands_that_are_read_back_are_named(log: ServoLog, robot: Robot) -> None:
     """A position that is read twice, with the noise of its encoder."""
     noise = np.random.default_rng(0).normal(0.0, 1e-3, log.q.shape)

@@ -17,6 +17,9 @@ from dynident.arrays import Array, BoolArray
 #: Share of the motion that roll-outs miss where they do not follow it.
 POOR = 0.2
 
+#: A log with an error of this many medians is unlike the others, from this share of the motion on.
+_MEDIANS, _LEAST = 5.0, 0.02
+
 #: Logs named.
 _NAMED = 3
 
@@ -48,7 +51,9 @@ def poor_fit(data: JointData, parameters: Array) -> str:
     train = [one for one in data.train if not one.is_held] or data.train
     moved = np.array([float(np.mean(np.abs(one.q - np.mean(one.q))[one.used])) for one in train])
     errors = mean_errors(train, parameters)
-    bad = errors > POOR * moved + encoder_step(train) / 4.0  # the mean error of a reading by the encoder's step alone
+    step = encoder_step(train)
+    bad = errors > POOR * moved + step / 4.0  # the mean error of a reading by the encoder's step alone
+    bad |= errors > np.maximum(_MEDIANS * np.median(errors), _LEAST * moved + step)
     if not bad.any():
         return ""
     if 2 * bad.sum() <= len(train):
@@ -84,7 +89,7 @@ def _unlike(logs: Sequence[str], bad: BoolArray, shares: Array) -> str:
     return (
         f"roll-outs do not follow {len(found)} of {len(bad)} logs ({', '.join(names)}{more}; up to {most:.0f} % of "
         "the motion missed): was the drive off in a part (servo: {enabled: COLUMN}), another gain set, a load carried, "
-        "the motor hot? State it, or leave these logs out"
+        "an end stop reached, the motor hot? State it, or leave these logs out"
     )
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 
 from dynident.actuators.direction_search import turned_over
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.servo_log import MOVED, ServoLog, is_outside, is_read_back
-from dynident.case.evidence.positions import is_within
+from dynident.case.evidence.positions import SLACK, is_within
 from dynident.case.evidence.velocities import velocity_pair
 from dynident.diagnosis.finding import SEVERITIES, Finding
 from dynident.model.robot import Robot
@@ -20,25 +22,29 @@ _FAILED, _ALL_SATURATED, _MUCH_SATURATED = 0.005, 0.9, 0.3
 #: Positions with fewer steps of the encoder over their travel are coarse.
 _COARSE = 60
 
+#: A command this far from a limit of the robot model, in rad or m, does not lead the joint there.
+_LED = 0.1
+
 #: A gap in time is this many median steps.
 _GAP = 8.0
 
 
 def servo_findings(
-    log: ServoLog, laws: Sequence[DriveLaw], released: Container[str] = (), trained: Sequence[float] = ()
+    log: ServoLog, laws: Sequence[DriveLaw], others: Sequence[ServoLog] = (), trained: Sequence[float] = ()
 ) -> list[Finding]:
     """Return what spoils a log, the worst first.
 
     Args:
         log: The log as it was read.
         laws: Drive law of each joint.
-        released: Joints whose drive is off in a part of another log of the case.
+        others: Logs of the case beside it, which may show what it lacks.
         trained: Position gains of the training logs where this one is a test log.
     """
     found = [*_gaps(log), *_untrained(log, trained)]
     for joint, law in enumerate(laws):
-        found += [*_failed(log, joint), *_saturated(log, joint, law), *_coarse(log, joint), *_read_back(log, joint)]
-        found += [] if log.joints[joint] in released else _never_off(log, joint)
+        found += [*_failed(log, joint), *_saturated(log, joint, law, others), *_coarse(log, joint)]
+        found += _read_back(log, joint)
+        found += [] if any(not one.enabled[:, joint].all() for one in others) else _never_off(log, joint)
     found += _late_velocity(log)
     return sorted(found, key=lambda one: SEVERITIES.index(one.severity))
 
@@ -59,7 +65,7 @@ def arm_findings(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
         numbers = {"zero_rad": one.zero} if one.zero else {}
         name = "encoder zero" if one.is_zero else "direction"
         found.append(Finding("error", name, robot.joint_names[one.joint], evidence, remedy, numbers))
-    return found + _limits(robot, logs)
+    return found + _limits(robot, logs) + _end_stops(robot, logs)
 
 
 def _limits(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
@@ -74,6 +80,24 @@ def _limits(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
         evidence = f"positions from {low:.4g} to {high:.4g}, limits of the robot model from {lower:.4g} to {upper:.4g}"
         remedy = f"correct the angle where the encoder of {own.name} reads 0 (log: zero), the unit, or the limits"
         found.append(Finding("warning", "joint limits", own.name, evidence, remedy))
+    return found
+
+
+def _end_stops(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
+    """Return joints that come to a limit of the robot model where their commands do not lead them."""
+    found = []
+    for joint, own in enumerate(robot.active):
+        held: dict[float, list[str]] = {}
+        for log, (limit, side) in product(logs, ((own.limits.lower, -1.0), (own.limits.upper, 1.0))):
+            furthest = int(np.argmax(np.where(log.failed[:, joint], -np.inf, side * log.q[:, joint])))
+            is_led = log.enabled[furthest, joint] and abs(log.q_ref[furthest, joint] - limit) < _LED
+            if abs(log.q[furthest, joint] - limit) < SLACK and not is_led:
+                held.setdefault(limit, []).append(log.name)
+        for limit, names in held.items():
+            where = f"{len(names)} of {len(logs)} logs ({Path(names[0]).name}{', ...' if len(names) > 1 else ''})"
+            evidence = f"turns at {limit:.4g}, a limit of the robot model, where no command leads it, in {where}"
+            remedy = "where an end stop held it, leave these logs out or end them before: roll-outs have none"
+            found.append(Finding("warning", "end stop", own.name, evidence, remedy))
     return found
 
 
@@ -105,19 +129,32 @@ def _failed(log: ServoLog, joint: int) -> list[Finding]:
     return [Finding("warning", "failed reads", log.joints[joint], evidence, remedy)]
 
 
-def _saturated(log: ServoLog, joint: int, law: DriveLaw) -> list[Finding]:
-    if not np.isfinite(log.kp) or law.gain_is_free or not np.isfinite(law.limit):
+def _saturated(log: ServoLog, joint: int, law: DriveLaw, others: Sequence[ServoLog]) -> list[Finding]:
+    """Return that the duty is at its limit: almost throughout, or for long where no other log has it below."""
+    if law.gain_is_free or not np.isfinite(law.limit):
         return []
-    on = log.enabled[:, joint]
-    error = np.abs(log.q_ref[:, joint] - log.q[:, joint])
-    limited = on & (log.kp * law.error_gain * error >= law.limit)
-    share = float(np.mean(limited))  # also of a release, whose drive is on at speed only
-    if share < _MUCH_SATURATED:
+    share, of_drive = _limited(log, joint, law)
+    is_all = of_drive > _ALL_SATURATED
+    if share < _MUCH_SATURATED or (not is_all and any(_is_below(one, joint, law) for one in others)):
         return []
-    severity = "error" if limited.sum() > _ALL_SATURATED * on.sum() else "warning"
     evidence = f"duty at its limit in {100 * share:.0f} % of the samples, by kp {log.kp:g} and the drive law"
     remedy = "lower kp, or smaller and slower motions; or correct kp, error_gain and limit under servo:"
-    return [Finding(severity, "saturated", log.joints[joint], evidence, remedy)]
+    return [Finding("error" if is_all else "warning", "saturated", log.joints[joint], evidence, remedy)]
+
+
+def _limited(log: ServoLog, joint: int, law: DriveLaw) -> tuple[float, float]:
+    """Return the share of the samples with the duty at its limit, and of those with the drive on; 0 of no known kp.
+
+    The first is small of a release, whose drive is on at speed only.
+    """
+    on, error = log.enabled[:, joint], np.abs(log.q_ref[:, joint] - log.q[:, joint])
+    limited = on & (log.kp * law.error_gain * error >= law.limit)
+    return float(np.mean(limited)), float(limited.sum() / max(on.sum(), 1))
+
+
+def _is_below(log: ServoLog, joint: int, law: DriveLaw) -> bool:
+    """Return whether a log moves a joint by a duty that is mostly below its limit."""
+    return bool(np.ptp(log.q_ref[:, joint]) > MOVED and _limited(log, joint, law)[0] < _MUCH_SATURATED)
 
 
 def _coarse(log: ServoLog, joint: int) -> list[Finding]:
