@@ -601,6 +601,21 @@ def test_friction_that_warms_up_is_told_unless_the_case_has_it(is_described: boo
     assert ("friction drift" in told) != is_described
 
 
+def test_friction_that_is_chosen_follows_what_warms_up_where_the_log_is_long_enough(tmp_path: Path) -> None:
+    robot = read_robot("generic-6r")
+    friction = tuple(FRICTION.make(name) for name in default_friction())
+    case = Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+    subject = subject_of(virtual(case, rate=RATE), tmp_path)
+    log, warms = subject.sound.log, WarmUp(choose=("part", "time_constant"))
+    for longer, is_warm, told in ((1.0, False, False), (1.0, True, True), (120.0 / log.duration, False, True)):
+        temperature = np.full(log.q.shape, 20.0) if is_warm else None
+        sound = replace(subject.sound, log=replace(log, time=longer * np.asarray(log.time), temperature=temperature))
+        auto = replace(case, choose_friction=True)
+        assert ("friction drift" in replace(subject, case=auto, sound=sound).described) == told
+        open_part = replace(case, friction=(*friction, warms))
+        assert ("friction drift" in replace(subject, case=open_part, sound=sound).described) == (told and not is_warm)
+
+
 def test_rounding_of_positions_counts_as_it_shows_in_the_acceleration() -> None:
     """Beside the filtered error of rounding, within the slope of the filter at its cut-off."""
     time = np.arange(4000) / 200.0

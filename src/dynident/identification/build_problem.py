@@ -153,7 +153,7 @@ def _within_logs(
         for name, span in spans:
             value, low = getattr(part, name), least if span.is_distance else 0.0
             high = furthest if span.is_distance else longest if span.is_duration else np.inf
-            if 0.999 * low <= value <= high:
+            if 0.999 * low <= value <= 1.001 * high:
                 continue
             why, step = _beyond(span.is_distance, value < low, low, high)
             why = f"{value:g} {why}"

@@ -20,6 +20,7 @@ from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.choices import DelayRecord
 from dynident.identification.selection.delay import find_delays
+from dynident.model.friction import Friction, auto_friction
 
 #: A delay counts from this many of its standard deviations on.
 SURE_DELAY = 5.0
@@ -121,9 +122,18 @@ class CheckedLog:
     def described(self) -> frozenset[str]:
         """Names of causes that friction of the case describes, or is to be chosen for, and the quick fit has not."""
         more = beyond_quick_fit(self.case)  # a case with such friction has chosen its friction already
-        warms = any("temperature" in part.needs or any(r.is_duration for r in part.ranges.values()) for part in more)
         chosen = bool(more) or self.case.choose_friction
+        more += auto_friction(self.case.robot) if self.case.choose_friction else ()
+        warms = any(map(self._follows_warming, more))
         return frozenset({"friction curve"} if chosen else ()) | frozenset({"friction drift"} if warms else ())
+
+    def _follows_warming(self, part: Friction) -> bool:
+        """Return whether a friction part follows drives that warm up, or may be chosen to in this log."""
+        log, durations = self.sound.log, [span for span in part.ranges.values() if span.is_duration]
+        if not part.is_optional:
+            return bool(durations) or "temperature" in part.needs
+        long_enough = any(span.least_log <= log.duration for span in durations)
+        return long_enough or ("temperature" in part.needs and log.temperature is not None)
 
     def trend_scale(self, joint: str) -> JointScale | None:
         """Return the scale of a joint's torque once its delay is taken out, as where trends are; None without a fit."""
