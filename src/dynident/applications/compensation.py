@@ -7,6 +7,8 @@ Source: Siciliano, Sciavicco, Villani and Oriolo 2009, section 8.5.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -59,7 +61,7 @@ def feed_forward(
 
 
 def gravity_torque(model: DynamicModel, theta: Array, q: npt.ArrayLike) -> Array:
-    """Return the torque that holds the arm against gravity, springs and other known bias, without friction.
+    """Return the torque that holds the arm against gravity, springs, ripple and known bias, without friction.
 
     Args:
         model: Robot, drives and friction.
@@ -72,7 +74,7 @@ def gravity_torque(model: DynamicModel, theta: Array, q: npt.ArrayLike) -> Array
     motion, one = motion_of_arrays(model.robot, q)
     inertial = np.asarray(theta, dtype=float)[: model.inertial_count]
     rigid = batched.inverse_dynamics(model.robot.chain, inertial, motion.q, motion.dq, motion.ddq)
-    return _shaped(rigid + model.known_torque(motion), one)
+    return _shaped(rigid + model.known_torque(motion) + _of_position(model, theta, motion), one)
 
 
 def friction_torque(
@@ -86,6 +88,8 @@ def friction_torque(
     step: float | None = None,
 ) -> Array:
     """Return the friction at the joints, without rotors; where it grows with the load, that of no acceleration.
+
+    What follows the position alone, a spring or a ripple, is part of :func:`gravity_torque`.
 
     With planned velocities it is feed-forward. With measured ones it is a positive feedback of the speed: a share below
     1 keeps it from driving the arm on its own, where the model has a little too much.
@@ -108,11 +112,9 @@ def friction_torque(
     motion, one = motion_of_arrays(model.robot, q, dq, None, temperature)
     own = model.loaded(motion if step is None else model.with_states(motion, step), theta)
     table = model.coefficient_table(theta)
-    values = model.friction_values(own)
-    if not offset:
-        symbols = [c.symbol for part in model.friction for c in part.coefficients]
-        values = values * np.array([symbol != "F0" for symbol in symbols])
-    drives = np.einsum("sjk,jk->sj", values, table)
+    pairs = [(part, c.symbol) for part in model.friction for c in part.coefficients]
+    counts = np.array([not part.is_of_position and (offset or symbol != "F0") for part, symbol in pairs], dtype=float)
+    drives = np.einsum("sjk,jk->sj", model.friction_values(own), table * counts)
     return _shaped(share * drives @ np.asarray(model.robot.coupling), one)
 
 
@@ -167,7 +169,16 @@ def computed_torque(
     rigid = batched.inverse_dynamics(model.robot.chain, inertial, now, speed, demand)
     turning = Motion(now, speed, demand)
     rotors = model.rotor_torque(turning, model.rotors(np.asarray(theta, dtype=float))) - model.robot.bias
-    return _shaped(rigid + rotors + np.atleast_2d(_slippery(model, theta, goal)), one)
+    resting = _of_position(model, theta, turning)
+    return _shaped(rigid + rotors + resting + np.atleast_2d(_slippery(model, theta, goal)), one)
+
+
+def _of_position(model: DynamicModel, theta: Array, motion: Motion) -> Array:
+    """Return the torque of springs and ripple at the joints, shape (N, n)."""
+    own = replace(model, friction=tuple(part for part in model.friction if part.is_of_position))
+    counts = np.array([part.is_of_position for part in model.friction for _ in part.coefficients], dtype=bool)
+    drives = np.einsum("sjk,jk->sj", own.friction_values(motion), model.coefficient_table(theta)[:, counts])
+    return drives @ np.asarray(model.robot.coupling)
 
 
 def _slippery(model: DynamicModel, theta: Array, goal: Motion) -> Array:

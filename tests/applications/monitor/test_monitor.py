@@ -30,6 +30,8 @@ from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption, LogMismatch
 from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction.balancer import Balancer
+from dynident.model.friction.spring import Spring
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
 
@@ -81,6 +83,25 @@ def test_compensation_of_one_state_and_refusals(estimate: Estimate) -> None:
         gravity_torque(model, theta, q[:5])
     with pytest.raises(BadOption, match="share of the friction"):
         friction_torque(model, theta, q, q, share=1.5)
+
+
+def test_springs_are_held_whole_and_are_no_share_of_the_friction(planar_2r: Robot) -> None:
+    first, second = planar_2r.joint_names
+    springs = (Spring(rest=0.3, joints=(first,)), Balancer(dead_center=-1.0, joints=(second,)))
+    model = DynamicModel(planar_2r, ("coulomb", "viscous", *springs))  # type: ignore[arg-type]
+    nominal, generator = model.nominal(), np.random.default_rng(0)
+    assert nominal is not None
+    theta = np.where(np.arange(len(nominal)) < model.inertial_count, nominal, generator.uniform(1.0, 9.0, len(nominal)))
+    q, dq = generator.normal(size=(2, 5, 2))
+    still = model.torque(Motion(q, 0.0 * q, 0.0 * q), theta)
+    np.testing.assert_allclose(gravity_torque(model, theta, q), still, rtol=1e-12)
+    half = friction_torque(model, theta, q, dq, share=0.5)
+    drift = model.torque(Motion(q, dq, 0.0 * q), theta)
+    plain = replace(model, friction=model.friction[:2])
+    bare = [p.symbol not in ("Ks", "Kb") for p in model.parameters]
+    np.testing.assert_allclose(half, 0.5 * friction_torque(plain, theta[bare], q, dq), rtol=1e-12)
+    there = computed_torque(model, theta, (q, dq, 0.0 * q), q, dq, 100.0, 20.0)
+    np.testing.assert_allclose(there, drift, rtol=1e-12)
 
 
 def test_the_drift_is_that_of_hamiltons_equations(estimate: Estimate) -> None:

@@ -298,7 +298,7 @@ def thin_fit(case: Case, log: Log) -> QuickFit | None:
     friction = [each for part in parts for each in _by_kind(part, case.robot)]
     if known or asks_inertia(case):
         friction.append(RotorInertia())
-    friction += [part for part in case.friction if _is_of_position(part)]
+    friction += [part for part in case.friction if _is_spring(part)]
     model = DynamicModel(_without_rotors(case.robot) if known else case.robot, tuple(friction))
     cutoff = min(CUTOFF_HZ, case.preprocessing.filter.bandwidth() or CUTOFF_HZ)
     how = Preprocessing(
@@ -359,14 +359,13 @@ def has_inertia(friction: Sequence[Friction]) -> bool:
 
 def beyond_quick_fit(case: Case) -> list[Friction]:
     """Return the friction parts of a case that the quick fit has not."""
-    known = [part for part in case.friction if part.is_default or all(part.is_inertia) or _is_of_position(part)]
+    known = [part for part in case.friction if part.is_default or all(part.is_inertia) or _is_spring(part)]
     return [part for part in case.friction if part not in known]
 
 
-def _is_of_position(part: Friction) -> bool:
-    """Return whether the torque of a stated part follows the position alone, and has no cycle: that of a spring."""
-    reads = frozenset().union(*part.expression.reads)
-    return reads == {"q"} and part.cycle is None and not part.is_optional
+def _is_spring(part: Friction) -> bool:
+    """Return whether a part is stated and its torque follows the position, without a cycle."""
+    return part.is_of_position and part.cycle is None and not part.is_optional
 
 
 def _without_rotors(robot: Robot) -> Robot:

@@ -283,6 +283,11 @@ class Friction(ABC):
         return tuple(name for name, array in _SIGNALS.items() if array in reads)
 
     @cached_property
+    def is_of_position(self) -> bool:
+        """Whether its torque follows the position alone, as that of a spring or a ripple."""
+        return frozenset().union(*self.expression.reads) == {"q"}
+
+    @cached_property
     def is_inertia(self) -> tuple[bool, ...]:
         """Which coefficients are inertias of the drive: their expression is the acceleration itself."""
         return tuple(self.expression.is_input(term, "ddq") for term in self.expression.terms)

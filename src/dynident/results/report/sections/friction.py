@@ -49,11 +49,13 @@ def standard_parameters(estimate: Estimate) -> Array:
 def friction_torque(model: DynamicModel, theta: Array, q: Array, dq: Array) -> Array:
     """Return the friction of the drives at joint positions q and speeds dq, both (N, n), shape (N, n).
 
-    The rotor inertia is no friction: accelerations are taken as zero. For coupled motors it is the torque at the motor.
-    The load of a drive, where friction depends on it, is that of theta at these positions and speeds.
+    The rotor inertia is no friction: accelerations are taken as zero. Nor is what follows the position alone, a spring
+    or a ripple. For coupled motors it is the torque at the motor. The load of a drive, where friction depends on it,
+    is that of theta at these positions and speeds.
     """
     values = model.friction_values(model.loaded(Motion(q, dq, np.zeros_like(dq)), theta))
-    return np.einsum("sjk,jk->sj", values, model.coefficient_table(theta))
+    counts = np.array([not part.is_of_position for part in model.friction for _ in part.coefficients])
+    return np.einsum("sjk,jk->sj", values, model.coefficient_table(theta) * counts)
 
 
 def _figures(subject: Subject) -> list[Markup]:
