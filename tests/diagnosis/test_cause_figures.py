@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +25,7 @@ from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_figures import figured
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.model_error import ModelError
-from dynident.diagnosis.causes.trend_findings import trend_finding
+from dynident.diagnosis.causes.trend_findings import believed, trend_finding
 from dynident.diagnosis.checks.residual_trends import ResidualTrends
 from dynident.diagnosis.checks.torque_delay import TorqueDelay
 from dynident.model.dynamic_model import DynamicModel
@@ -149,5 +151,7 @@ def test_the_circle_of_a_wave_holds_both_of_its_coefficients() -> None:
     sizes = np.ones(1)
     for freedom, radius in ((np.inf, 2.448), (10.0, np.sqrt(2 * 4.103))):  # tables of Fisher's distribution
         blame = Blame(cause, np.array([3.0, 4.0]), covariance, 9.0, 1.0, 0.9, 0.2, sizes, sizes, (), freedom)
-        numbers = trend_finding(blame, None).numbers  # type: ignore[arg-type]  # no robot is needed for a wave
+        fit: Any = SimpleNamespace(model=SimpleNamespace(friction=()))  # no robot is needed for a wave
+        numbers = trend_finding(blame, fit).numbers
+        assert believed(blame) is not None and believed(replace(blame, size=700.0)) is None
         assert numbers["value"] == pytest.approx(5.0) and numbers["half_width"] == pytest.approx(0.1 * radius, rel=1e-3)

@@ -15,7 +15,7 @@ from dynident.model.friction import Motion
 from dynident.model.friction.balancer import Balancer
 from dynident.model.friction.spring import Spring
 
-BALANCER, STIFFNESS, HOSE = Balancer(dead_center=-1.5, ratio=4.0, slack=1.5), 600.0, 15.0
+BALANCER, STIFFNESS, FORCE, HOSE = Balancer(dead_center=-1.5, ratio=4.0), 600.0, -900.0, 15.0
 
 
 @pytest.fixture(scope="module")
@@ -30,14 +30,14 @@ def sprung(case: Case, seed: int) -> Trial:
     trial = virtual(case, seed)
     q, torque = trial.columns["q"], np.array(trial.columns["tau"])
     at = Motion(q, 0 * q, 0 * q)
-    torque[:, 1] += STIFFNESS * BALANCER.columns(at)[:, 1, 0]
+    torque[:, 1] += BALANCER.columns(at)[:, 1] @ [STIFFNESS, FORCE]
     torque[:, 4] += HOSE * q[:, 4]
     return trial.with_columns(tau=torque)
 
 
-def with_parts(case: Case) -> Case:
+def with_parts(case: Case, balancer: Balancer = BALANCER) -> Case:
     names = case.robot.joint_names
-    parts = (replace(BALANCER, joints=(names[1],)), Spring(joints=(names[4],)))
+    parts = (replace(balancer, joints=(names[1],)), Spring(joints=(names[4],)))
     return replace(case, friction=(*case.friction, *parts))
 
 
@@ -53,12 +53,25 @@ def test_springs_are_named_with_their_part_and_joint(seed: int, six: Case, tmp_p
     assert f"add balancer: {{joints: [{second}], dead_center: -1." in told.remedy
 
 
+@pytest.mark.parametrize(
+    "stated", [BALANCER, Balancer(dead_center=-1.53, ratio=3.0, vary=("ratio",))], ids=["drawn", "found"]
+)
 @pytest.mark.parametrize("seed", [0, 1])
-def test_nothing_is_said_of_springs_that_the_case_has(seed: int, six: Case, tmp_path: Path) -> None:
-    trial = replace(sprung(six, seed), case=with_parts(six))
+def test_nothing_is_said_of_springs_that_the_case_has(seed: int, stated: Balancer, six: Case, tmp_path: Path) -> None:
+    trial = replace(sprung(six, seed), case=with_parts(six, stated))
     found = trial.examined(tmp_path).findings
     assert not [one for one in found if one.name in ("spring", "counterbalance")]
     assert not [one for one in found if one.severity != "note"]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_balancer_of_another_geometry_is_to_be_stated_better(seed: int, six: Case, tmp_path: Path) -> None:
+    trial = replace(sprung(six, seed), case=with_parts(six, Balancer(dead_center=-1.8, ratio=3.0)))
+    second = six.robot.joint_names[1]
+    told = [one for one in trial.examined(tmp_path).findings if one.joint == second and one.severity == "warning"]
+    assert [one.remedy for one in told] == [
+        "state dead_center, ratio of its balancer more exactly, or add vary: [ratio] to it"
+    ]
 
 
 def test_what_is_named_and_stated_is_no_mass_of_the_links(six: Case, tmp_path: Path) -> None:
@@ -68,6 +81,7 @@ def test_what_is_named_and_stated_is_no_mass_of_the_links(six: Case, tmp_path: P
     assert stated.train.total_relative_error < 0.6 * bare.train.total_relative_error
     values = {(p.symbol, p.owner): value for p, value in zip(stated.model.parameters, stated.theta, strict=True)}
     assert values["Kb", six.robot.joint_names[1]] == pytest.approx(STIFFNESS, rel=0.1)
+    assert values["Fb", six.robot.joint_names[1]] == pytest.approx(FORCE, rel=0.1)
     assert values["Ks", six.robot.joint_names[4]] == pytest.approx(HOSE, rel=0.02)
     nominal = stated.model.nominal()
     assert nominal is not None

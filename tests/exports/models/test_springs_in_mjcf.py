@@ -3,36 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from identified_arms import FRICTION, estimate_of
 
 from dynident.data.log import Log
 from dynident.exports.models import export_model
+from dynident.identification.estimate.estimate import Estimate
 from dynident.model.friction.balancer import Balancer
 from dynident.model.friction.spring import Spring
 from dynident.model.robot import Robot
 
 
+def sprung(robot: Robot, exact_log: Callable[..., Log], sign: float) -> Estimate:
+    """Return an estimate with a spring at the first joint and a balancer at each of the others, its force of a sign."""
+    first, *others = robot.joint_names
+    balancers = (Balancer(0.4 - k, 2.5 - k, joints=(name,)) for k, name in enumerate(others))
+    estimate = estimate_of(robot, exact_log, (*FRICTION, Spring(rest=0.7, joints=(first,)), *balancers), exact=True)
+    assert estimate.theta is not None
+    symbols = np.array([parameter.symbol for parameter in estimate.model.parameters])
+    theta = np.where(symbols == "Fb", sign * estimate.theta, estimate.theta)
+    return replace(estimate, theta=theta, beta=estimate.base.from_standard(theta))
+
+
 def test_mujoco_has_the_springs_of_the_model(spatial_3r: Robot, exact_log: Callable[..., Log], tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
-    first, second, third = spatial_3r.joint_names
-    springs = (
-        Balancer(dead_center=0.3, ratio=2.5, slack=1.2, joints=(second,)),
-        Balancer(dead_center=-1.0, ratio=1.5, slack=4.0, joints=(third,)),
-        Spring(rest=0.7, joints=(first,)),
-    )
-    estimate = estimate_of(spatial_3r, exact_log, (*FRICTION, *springs[::2]), exact=True)
-    done = export_model(estimate, "mjcf", tmp_path / "arm.xml")
-    assert [proof.what for proof in done.proofs if proof.engine.startswith("MuJoCo")] == [
-        "bodies, armature, damping, Coulomb friction, springs"
-    ]
+    done = export_model(sprung(spatial_3r, exact_log, -1.0), "mjcf", tmp_path / "arm.xml")
+    what = [proof.what for proof in done.proofs if proof.engine.startswith("MuJoCo")]
+    assert what == ["bodies, armature, damping, Coulomb friction, springs"]
     assert {term.symbol for term in done.left_out} == {"F0"}
-    pushes = estimate_of(spatial_3r, exact_log, (*FRICTION, *springs[1:]), exact=True)
-    assert {term.symbol for term in export_model(pushes, "mjcf", tmp_path / "pushed.xml").left_out} == {"F0"}
     text = (tmp_path / "arm.xml").read_text(encoding="utf-8")
-    assert text.count("<spatial") == 1 and text.count('springref="0.7"') == 1
+    assert text.count("<spatial") == 2 and text.count('springref="0.7"') == 1
+
+
+def test_a_pull_that_no_spring_has_is_left_out(
+    spatial_3r: Robot, exact_log: Callable[..., Log], tmp_path: Path
+) -> None:
+    done = export_model(sprung(spatial_3r, exact_log, 1.0), "mjcf", tmp_path / "arm.xml")
+    assert {term.symbol for term in done.left_out} == {"F0", "Kb", "Fb"}
 
 
 def test_what_holds_no_spring_says_so(coupled_arm: Robot, exact_log: Callable[..., Log], tmp_path: Path) -> None:

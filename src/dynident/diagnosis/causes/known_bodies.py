@@ -149,7 +149,8 @@ def nominal_bodies(model: DynamicModel, base: BaseParameters, robot: Robot, roto
     All ten parameters of a link are off by a common share, and each by one of its own: the mass by a share of it, the
     first moments of mass times size, the moments of inertia of mass times size squared; the size is the radius of
     gyration about the origin of the link's frame. All shares are independent, with one standard deviation for the
-    common and one for the single ones. Rotor inertias that are not known leave the base parameters that hold them free.
+    common and one for the single ones. Rotor inertias that are not known, and springs, leave the base parameters that
+    hold them free.
 
     Args:
         model: The model of the quick fit.
@@ -165,10 +166,9 @@ def nominal_bodies(model: DynamicModel, base: BaseParameters, robot: Robot, roto
     if not np.any(bodies[:, -1] > 0):
         return None
     errors = body_errors(bodies)
-    rotor = np.array([parameter.kind == "rotor" for parameter in model.parameters])
-    held = base.independent < count
-    if not rotors_known:
-        held &= ~np.any(base.matters[:, rotor], axis=1)
+    free = ("friction",) if rotors_known else ("friction", "rotor")
+    unknown = np.array([parameter.kind in free for parameter in model.parameters])
+    held = (base.independent < count) & ~np.any(base.matters[:, unknown], axis=1)
     places = np.flatnonzero(held)
     if not len(places):
         return None

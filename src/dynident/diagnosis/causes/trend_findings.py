@@ -14,6 +14,7 @@ from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trends import leaned
 from dynident.diagnosis.finding import Finding, Severity
+from dynident.model.friction import FRICTION
 from dynident.model.robot import Joint
 
 #: Share of a joint's residual variance that a cause explains, and share of the joint's torque, or of all torques where
@@ -22,6 +23,9 @@ EXPLAINED, MATTERS, MATTERS_ALL = 0.5, 0.1, 0.03
 
 #: A scale of one torque further off one is that of another check.
 FAR_SCALE = 0.5
+
+#: Share of the torque above which a cause is a column that others nearly cancel.
+ABSURD = 10.0
 
 #: Half the change of the squared speed of a clock from which it is not told.
 FAR_CLOCK = 0.25
@@ -73,7 +77,7 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
         speed = float(np.sqrt(1.0 + 2.0 * blame.values[0]))
         return replace(blame, values=np.array([speed - 1.0]), covariance=blame.covariance / speed**2)
     if blame.cause.name != "torque scale":
-        return None if blame.cause.is_positive and blame.values[0] <= 0.0 else blame
+        return None if blame.size > ABSURD or (blame.cause.is_positive and blame.values[0] <= 0.0) else blame
     scale = scale_of(blame.cause.joint)
     if scale is None:
         value = float(blame.values[0])
@@ -132,7 +136,8 @@ def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     slides = _joint(blame, fit).kind == "prismatic"
     stiffness = f"{blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} {'N/m' if slides else 'N m/rad'}"
     evidence = f"the residual is proportional to the position, {stiffness}"
-    return evidence, f"a spring, hose or cable pack: add spring: {{joints: [{blame.cause.joint}]}} to friction:"
+    step = f"a spring, hose or cable pack: add spring: {{joints: [{blame.cause.joint}]}} to friction:"
+    return evidence, _of_stated_spring(blame, fit) or step
 
 
 def _rotor_inertia(blame: Blame, fit: QuickFit) -> tuple[str, str]:
@@ -159,10 +164,20 @@ def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     evidence = (
         f"the residual follows {size:.3g} +- {half:.2g} N m sin(q {'-' if phase < 0 else '+'} {abs(phase):.2f} rad)"
     )
-    pulls, pushes = 0.0 - phase, -phase + (np.pi if phase > 0 else -np.pi)
-    part = f"balancer: {{joints: [{blame.cause.joint}], dead_center: {pulls:.2f}}}"
-    step = f"a spring or gas cylinder: add {part} to friction: ({pushes:.2f} if it pushes), ratio and slack as drawn"
-    return evidence, f"{step}; a body fixed to the link: correct the robot model"
+    dead = 0.0 - phase
+    part = f"balancer: {{joints: [{blame.cause.joint}], dead_center: {dead:.2f}, vary: [ratio]}}"
+    other = dead - np.copysign(np.pi, dead)
+    step = f"a spring or gas cylinder: add {part} to friction: (or {other:.2f}: where it is shortest)"
+    return evidence, _of_stated_spring(blame, fit) or f"{step}; a body fixed to the link: correct the robot model"
+
+
+def _of_stated_spring(blame: Blame, fit: QuickFit) -> str:
+    """Return the step where a spring of the case with fields of its own acts on the joint already, or nothing."""
+    for part in fit.model.friction:
+        if part.is_of_position and part.ranges and blame.cause.joint in (part.joints or fit.model.robot.joint_names):
+            name, fields = FRICTION.name_of(part), ", ".join(part.options)
+            return f"state {fields} of its {name} more exactly, or add vary: [{', '.join(part.ranges)}] to it"
+    return ""
 
 
 def _drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:

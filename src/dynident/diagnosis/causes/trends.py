@@ -126,13 +126,16 @@ class Trends:
         load = np.abs(self.fit.regressor.predict(self._log, self._bodies(self.fit.plain.beta)))
         told = judged(self.fit.rows.masks)
         has_rotors = has_inertia(self.fit.model.friction)
+        found_later = [part for part in self.fit.model.friction if part.is_of_position and part.vary]
+        bent = {name for part in found_later for name in part.joints or names}  # by springs whose fields the fit finds
         inertial = np.asarray(self._log.ddq) @ self._coupling.T
         for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
             if not told[i]:
                 continue
             yield _cause("drift", name, self._at_joint(i, clock))
-            yield _cause("spring", name, self._at_joint(i, q[:, i] - q[:, i].mean()))
-            if joint.kind == "revolute":
+            if name not in bent:
+                yield _cause("spring", name, self._at_joint(i, q[:, i] - q[:, i].mean()))
+            if name not in bent and joint.kind == "revolute":
                 yield _cause(
                     "counterbalance", name, self._at_joint(i, np.sin(q[:, i])), self._at_joint(i, np.cos(q[:, i]))
                 )

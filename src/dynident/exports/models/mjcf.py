@@ -122,9 +122,7 @@ class Mjcf(ModelExporter):
             *geoms(robot.base_shapes, "    "),
             *sites(robot, -1, "    "),
         ]
-        balancers = (
-            () if subject.between else tuple(map(_Balancer, (t for t in drives.springs if t.part == "balancer")))
-        )
+        balancers = () if subject.between else tuple(_Balancer(t, drives) for t in drives.springs if t.symbol == "Kb")
         lines += [line for one in balancers for line in one.sites(robot, -1, "    ")]
         lines += _bodies(subject, _Given(drives, balancers), -1, "    ")
         lines += ["  </worldbody>", *_tendons(drives, balancers), *_followers(robot)]
@@ -138,6 +136,7 @@ class _Balancer:
     """A balancer as a spatial tendon between two sites; the torque is the same at any ``NEAR_END``."""
 
     term: Term
+    drives: Drives
 
     def sites(self, robot: Robot, link: int, indent: str) -> Iterator[str]:
         """Yield its ends that are on a link, -1 for the base."""
@@ -154,8 +153,9 @@ class _Balancer:
     def tendon(self, name: str) -> Iterator[str]:
         """Yield its tendon."""
         stiffness = self.term.value / (NEAR_END**2 * self.term.options["ratio"])
-        slack = f'springlength="{number(NEAR_END * self.term.options["slack"])}"'
-        yield f'    <spatial name={quoteattr(name)} stiffness="{number(stiffness)}" {slack}>'
+        force = sum(t.value for t in self.drives.springs if (t.joint, t.symbol) == (self.term.joint, "Fb"))
+        slack = number(-NEAR_END * force / self.term.value)
+        yield f'    <spatial name={quoteattr(name)} stiffness="{number(stiffness)}" springlength="{slack}">'
         yield from (f"      <site site={quoteattr(self._end(end))}/>" for end in (0, 1))
         yield "    </spatial>"
 

@@ -186,7 +186,7 @@ def make_problem(
             that never changed.
         PoorExcitation: The rows do not determine all base parameters.
     """
-    check_friction(base)
+    check_friction(model, base)
     check_temperature(model, logs)
     check_motion(model, logs)
     check_torque(model, logs)
@@ -269,9 +269,11 @@ def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) 
     )
 
 
-def check_friction(base: BaseParameters) -> None:
-    """Refuse friction parts whose coefficients count in combination alone, whatever the motion."""
+def check_friction(model: DynamicModel, base: BaseParameters) -> None:
+    """Refuse friction parts whose coefficients count in combination alone, whatever the motion; springs may."""
+    spring = [part.is_of_position and part.cycle is None for part in model.friction for _ in part.coefficients]
     grouped = base.matters & np.array([p.kind == "friction" for p in base.parameters])
+    grouped[:, model.inertial_count :] &= ~np.array(spring, dtype=bool)[model.terms[1]]
     grouped[:, base.independent] = False
     for row in np.flatnonzero(grouped.any(axis=1)):
         step = (

@@ -99,18 +99,23 @@ class Drives:
 
     @property
     def springs(self) -> tuple[Term, ...]:
-        """What is left over and is a spring, of drives that turn one joint as far as themselves."""
+        """What is left over and is a spring with a length at rest, of drives that turn their own joint alone.
+
+        A cylinder of constant force is none.
+        """
         same = np.all(self.coupling == np.eye(len(self.joints)), axis=1)
-        there = {self.joints[j] for j in np.flatnonzero(same)}
-        found = (term for term in self.rest if term.held_as == "spring" and term.joint in there)
-        return tuple(term for term in found if term.part == "spring" or term.unit == "N m")
+        there = [term for term in self.rest if term.held_as == "spring" and same[self.joints.index(term.joint)]]
+        stiff = {term.joint for term in there if term.symbol == "Kb" and term.unit == "N m" and term.value > 0.0}
+        weak = {term.joint for term in there if term.symbol == "Fb" and term.value > 0.0}
+        return tuple(term for term in there if term.part == "spring" or term.joint in stiff - weak)
 
     def spring_torque(self, motion: Motion) -> Array:
         """Return the torque of the springs at the joints, shape (N, n)."""
         found = np.zeros_like(motion.q)
         for term in self.springs:
             part, j = FRICTION.make(term.part, term.options), self.joints.index(term.joint)
-            found[:, j] += term.value * part.columns(motion.of_drives([j]))[:, 0, 0]
+            place = [one.symbol for one in part.coefficients].index(term.symbol)
+            found[:, j] += term.value * part.columns(motion.of_drives([j]))[:, 0, place]
         return found
 
     def torque(self, motion: Motion, *, armature: bool, coupled: bool, dry: bool = True) -> Array:
