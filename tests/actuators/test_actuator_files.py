@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,13 +15,15 @@ import yaml
 from servo_bench import PENDULUM, motions, parameters, virtual_logs
 
 from dynident.actuators.drive_law import preset
-from dynident.actuators.estimate import ActuatorEstimate, JointActuator, write_actuators
+from dynident.actuators.estimate import ActuatorEstimate, JointActuator, read_actuators, write_actuators
 from dynident.actuators.joint_load import measured_loads
 from dynident.actuators.parameters import PARAMETERS
 from dynident.actuators.rollout import record_of, rolled_out
 from dynident.actuators.verdict import Known
 from dynident.actuators.virtual import ServoBench, virtual_log
+from dynident.arrays import Array
 from dynident.cli.main import main
+from dynident.exports import actuator_proof
 from dynident.exports.c_compiler import build_program, find_compiler, run_program
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
@@ -121,6 +124,28 @@ def test_an_exported_arm_is_held_against_the_roll_out(
     assert "joints that were not identified" in capsys.readouterr().out
     assert main([*words, "--no-proof"]) == 0
     assert capsys.readouterr().out == ""
+
+
+def test_the_proof_keeps_the_limits_of_the_joints(
+    arm: dict[str, dict[str, float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps of a joint with little damping overshoot far beyond its limits at full size, where it can hardly hold."""
+    saved = json.loads(Path("arm.json").read_text())
+    saved["joints"]["lift"]["coulomb_viscous"] |= {"back_emf": 0.02, "viscous": 0.01, "full_torque": 0.8}
+    Path("arm.json").write_text(json.dumps(saved))
+    driven, ranges = actuator_proof._driven, list[tuple[float, float]]()
+
+    def kept(engine: Any, model: Any, commands: Array, places: Array, drives: Array) -> Array:
+        q = driven(engine, model, commands, places, drives)
+        ranges.append((q[:, 1].min(), q[:, 1].max()) if np.ptp(commands[:, 1]) else (0.0, 0.0))
+        return q
+
+    monkeypatch.setattr(actuator_proof, "_driven", kept)
+    found = actuator_proof.mujoco_differences(read_actuators("arm.json"), 16.0)
+    assert all(value < 1e-3 for value in found.values()), found
+    moved = [each for each in ranges if any(each)]
+    within = [-1.7 <= low and high <= 1.2 for low, high in moved]
+    assert len(within) > 1 and within == [False] * (len(within) - 1) + [True]
 
 
 def known(**labels: str) -> tuple[Known, ...]:

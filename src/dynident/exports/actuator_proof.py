@@ -25,6 +25,9 @@ TOLERANCE: Final = 3e-3
 #: Motions that are compared, their length in s, commands a second.
 _KINDS, _SECONDS, _RATE = ("chirp", "steps"), 6.0, 200.0
 
+#: Sizes that the motions are tried at, until MuJoCo keeps the limits of the joint.
+_SIZES = (1.0, 0.5, 0.25)
+
 #: Amplitude of a joint that slides, in m, and speed where no limit is stated, in rad/s or m/s.
 _SLIDE, _SPEED = 0.05, 5.0
 
@@ -50,8 +53,8 @@ def simulated_differences(
 def mujoco_differences(estimate: ActuatorEstimate, kp: float) -> Mapping[str, float]:
     """Return the mean absolute difference of the positions of MuJoCo and of the roll-out, by joint, in rad.
 
-    One joint moves, the others hold; contacts and ends of joints are switched off, as roll-outs have none. The angle
-    offset and the slew limit are not part of the model, so the roll-out is without them too.
+    One joint moves within its limits, the others hold; contacts and ends of joints are switched off, as roll-outs have
+    none. The angle offset and the slew limit are not part of the model, so the roll-out is without them too.
 
     Empty where the model has joints that were not identified: they have no drive in it, and swing.
 
@@ -74,12 +77,15 @@ def mujoco_differences(estimate: ActuatorEstimate, kp: float) -> Mapping[str, fl
         most = dict(MOST_TURN) if joint.kind == "revolute" else dict.fromkeys(MOST_TURN, _SLIDE)
         reach = 0.9 * min(middles[k] - low, high - middles[k])
         frame = MotionFrame(middles[k], reach, min(speed, _SPEED) or _SPEED, _RATE, _SECONDS, most, True)
-        motions = [frame.scaled(kind, 1.0) for kind in _KINDS]
-        command = np.concatenate([motions[0].command, motions[1].command[1:]])
-        commands = np.tile(middles, (len(command), 1))
-        commands[:, k] = command
+        for size in _SIZES:
+            motions = [frame.scaled(kind, size) for kind in _KINDS]
+            command = np.concatenate([motions[0].command, motions[1].command[1:]])
+            commands = np.tile(middles, (len(command), 1))
+            commands[:, k] = command
+            q = _driven(engine, model, commands, places, drives)
+            if low <= q[:, k].min() and q[:, k].max() <= high:
+                break
         time = np.arange(len(command)) / _RATE
-        q = _driven(engine, model, commands, places, drives)
         found[name] = _difference(estimate, robot, k, ServoLog(
             "MuJoCo", names, time, q, commands, np.zeros_like(q), np.zeros_like(q), np.ones(q.shape, dtype=bool),
             np.ones(len(q)), np.zeros(q.shape, dtype=bool), kp,

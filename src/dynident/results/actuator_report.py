@@ -63,10 +63,11 @@ def _mrad(value: float) -> str:
 
 def mean_lines(runs: Sequence[FollowedJoint]) -> list[str]:
     """Return the mean error over the roll-outs, and how many of them do not test the actuators."""
-    mean, whole = (float(np.mean([getattr(run, name) for run in runs])) for name in ("error", "whole"))
-    found = [f"mean absolute position error {_mrad(mean)} mrad ({counted(len(runs), 'roll-out')})"]
+    means = (float(np.mean([getattr(run, name) for run in runs])) for name in ("error", "whole"))
+    mean, whole = (f"{_mrad(one)} mrad" if np.isfinite(one) else _mrad(one) for one in means)
+    found = [f"mean absolute position error {mean} ({counted(len(runs), 'roll-out')})"]
     if len({run.joint for run in runs}) > 1:
-        found.append(f"the whole arm let go: {_mrad(whole)} mrad, all joints by their commands alone")
+        found.append(f"the whole arm let go: {whole}, all joints by their commands alone")
     if outside := sum(run.is_outside for run in runs):
         found.append(f"{counted(outside, 'roll-out')} at a kp outside that of the training logs: extrapolation")
     if trained := sum(run.is_trained for run in runs):
