@@ -133,14 +133,14 @@ def test_the_proof_keeps_the_limits_of_the_joints(
     saved = json.loads(Path("arm.json").read_text())
     saved["joints"]["lift"]["coulomb_viscous"] |= {"back_emf": 0.02, "viscous": 0.01, "full_torque": 0.8}
     Path("arm.json").write_text(json.dumps(saved))
-    driven, ranges = actuator_proof._driven, list[tuple[float, float]]()
+    driven, ranges = actuator_proof.driven, list[tuple[float, float]]()
 
     def kept(engine: Any, model: Any, commands: Array, places: Array, drives: Array) -> Array:
         q = driven(engine, model, commands, places, drives)
         ranges.append((q[:, 1].min(), q[:, 1].max()) if np.ptp(commands[:, 1]) else (0.0, 0.0))
         return q
 
-    monkeypatch.setattr(actuator_proof, "_driven", kept)
+    monkeypatch.setattr(actuator_proof, "driven", kept)
     found = actuator_proof.mujoco_differences(read_actuators("arm.json"), 16.0)
     assert all(value < 1e-3 for value in found.values()), found
     moved = [each for each in ranges if any(each)]

@@ -82,7 +82,7 @@ def mujoco_differences(estimate: ActuatorEstimate, kp: float) -> Mapping[str, fl
             command = np.concatenate([motions[0].command, motions[1].command[1:]])
             commands = np.tile(middles, (len(command), 1))
             commands[:, k] = command
-            q = _driven(engine, model, commands, places, drives)
+            q = driven(engine, model, commands, places, drives)
             if low <= q[:, k].min() and q[:, k].max() <= high:
                 break
         time = np.arange(len(command)) / _RATE
@@ -97,7 +97,7 @@ def _middle(lower: float, upper: float) -> float:
     return 0.5 * (lower + upper) if np.isfinite(lower) and np.isfinite(upper) else 0.0
 
 
-def _driven(engine: Any, model: Any, commands: Array, places: Array, drives: Array) -> Array:
+def driven(engine: Any, model: Any, commands: Array, places: Array, drives: Array) -> Array:
     """Return the positions of MuJoCo under commands, shape (N, n), from rest at the first of them."""
     data = engine.MjData(model)
     data.qpos[places] = commands[0]

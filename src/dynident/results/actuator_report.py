@@ -88,7 +88,7 @@ def actuator_page(estimate: ActuatorEstimate, runs: Sequence[FollowedJoint]) -> 
         parts.append(ReportPart(f"joint-{joint.name}", joint.name, "actuators.html", _joint(joint, own)))
     if estimate.bodies is not None:
         parts.append(ReportPart("bodies", "Bodies", "actuators.html", _bodies(estimate.bodies)))
-    lead = (headline(estimate).partition(": ")[2], f"{len({run.log for run in runs})} logs")
+    lead = (headline(estimate).partition(": ")[2], f"roll-outs over {counted(len({run.log for run in runs}), 'log')}")
     return build_page("Actuators", estimate.robot, lead, parts)
 
 
