@@ -50,6 +50,9 @@ _WARMS = 300.0
 #: Share of a log that trains where there is no other.
 _TRAINS = 0.67
 
+#: The line of the time delay.
+_DELAY = "  delay_s: auto               # found from the log; applied where it is significant"
+
 #: A joint slower than this, in rad/s, is at rest; a slide below its travel times this, a second.
 _STANDSTILL = 0.02
 
@@ -256,6 +259,8 @@ def _behind_the_gear(found: Recognised) -> bool:
 
 def _preprocessing(found: Recognised) -> list[str]:
     cutoff = cutoff_of(found)
+    if not found.readings:  # no value was looked at
+        return ["preprocessing:", "  filter:", "    butterworth: {cutoff_hz: auto}   # from the spectra", _DELAY]
     if not cutoff:
         return []
     rates = [1.0 / (reading.step * found.to_seconds) for reading in found.readings]
@@ -272,7 +277,7 @@ def _preprocessing(found: Recognised) -> list[str]:
         f"  trim_s: {trim:.2g}",
         f"  standstill: {_STANDSTILL:g}            # rad/s{_of_slides(found)}; samples at rest are left out: "
         f"{rest:.0%} of the first log",
-        "  delay_s: auto               # found from the log; applied where it is significant",
+        _DELAY,
         *_bridged(found),
     ]
 

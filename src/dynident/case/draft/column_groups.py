@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 from dynident.case.draft.column_words import Meaning, meaning_of, split_unit, tokens_of, words_of
+from dynident.model.robot import Robot
 
 #: Numbers in one name that may be that of the joint; a name with more is no joint's.
 _MOST_NUMBERS = 4
@@ -19,6 +21,12 @@ _SECONDS: Mapping[str, str] = {
 }
 _CLOCKS = frozenset("t tv time timestamp stamp header".split())
 _PARTS_OF_A_SECOND = re.compile(r"(nano|micro)[_ ]?sec(?:ond)?(?=s?\b|s?_)")
+
+#: Units of slides and of joints that turn.
+_OF_KINDS: Mapping[str, frozenset[str]] = {
+    "prismatic": frozenset(("m", "mm", "m/s", "mm/s", "N")),
+    "revolute": frozenset(("rad", "deg", "rad/s", "deg/s", "N m", "mN m")),
+}
 
 #: Words of joint names that columns often leave out.
 _GENERIC = frozenset(("joint", "jnt", "j"))
@@ -66,6 +74,53 @@ def groups_of(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
         joints: Names of the joints of the robot, in order.
     """
     return [*_named_groups(header, joints), *_numbered_groups(header)]
+
+
+def groups_of_robot(header: Sequence[str], robot: Robot) -> list[Group]:
+    """Return the groups of joint columns; one where the slides and the joints that turn have a group each.
+
+    Of these the units in the names tell one from the other, and their counts are those of such joints of the robot.
+    """
+    groups = groups_of(header, robot.joint_names)
+    kinds = {kind: [k for k, joint in enumerate(robot.active) if joint.kind == kind] for kind in _OF_KINDS}
+    if not all(kinds.values()):
+        return groups
+    found, taken = list[Group](), list[Group]()
+    for one, other in combinations([*groups, *_single_columns(header, groups)], 2):
+        of = {_kind_of(group): group for group in (one, other)}
+        same = replace(one.meaning, unit="", strange=()) == replace(other.meaning, unit="", strange=())
+        counts = {kind: len(places) for kind, places in kinds.items()}
+        if same and not (one.named or other.named) and {kind: group.count for kind, group in of.items()} == counts:
+            found.append(_of_kinds(of, kinds))
+            taken += [one, other]
+    return [*found, *(group for group in groups if group not in taken)]
+
+
+def _single_columns(header: Sequence[str], groups: Sequence[Group]) -> Iterator[Group]:
+    """Yield the columns without a number and a joint that have a signal and a unit in their names."""
+    known, container = {name for group in groups for name in group.names}, _container(header)
+    for name in header:
+        base, unit = split_unit(name)
+        words = words_of(base, container)
+        meaning = meaning_of(words, unit)
+        if name not in known and not any(word.isdigit() for word in words) and meaning.unit:
+            yield Group(meaning, {1: name}, False)
+
+
+def _kind_of(group: Group) -> str:
+    """Return the kind of the joints of a group by the unit in its names; empty where it has none."""
+    return next((kind for kind, units in _OF_KINDS.items() if group.meaning.unit in units), "")
+
+
+def _of_kinds(groups: Mapping[str, Group], places: Mapping[str, Sequence[int]]) -> Group:
+    """Return one group of those of the slides and of the joints that turn, in the order of the joints."""
+    columns, units = dict[int, str](), dict[int, str]()
+    for kind, group in groups.items():
+        columns |= dict(zip(places[kind], group.names, strict=True))
+        units |= dict.fromkeys(places[kind], group.meaning.unit)
+    strange = tuple(dict.fromkeys(word for group in groups.values() for word in group.meaning.strange))
+    meaning = replace(groups["revolute"].meaning, unit="", strange=strange)
+    return Group(meaning, columns, False, units=tuple(units[k] for k in sorted(units)))
 
 
 def time_columns(header: Sequence[str]) -> list[str]:

@@ -56,8 +56,9 @@ ENABLED = re.compile(r"(torque|motor|drive|servo)[_ ]?(enabled?|on)\d*|enabled?\
 
 #: Words that say nothing more about a column.
 NEUTRAL = frozenset(
-    "joint joints j axis a achse arm robot state states value values observation data of s field msg header raw grp "
-    "group actuator actuators wert gelenk achs antriebs articulation axe eje asse 关节 関節 轴 軸".split()
+    "joint joints j axis axes a achse arm robot state states value values observation data of s field msg header raw "
+    "grp group actuator actuators drive drives gear wert gelenk achs antriebs articulation axe eje asse "
+    "关节 関節 轴 軸".split()
 )
 
 #: What a dot over a signal makes of it.
@@ -91,8 +92,9 @@ _PLAIN_UNITS = frozenset("rad deg rads degs mm nm mnm percent permille".split())
 
 _BRACKETED = re.compile(r"[\[({]\s*([^\[\](){}]*?)\s*[\])}]\s*$")
 
-#: Signs for units, which need no brackets.
+#: Signs for units, which need no brackets, and words that have no other meaning at the end of a name.
 _SIGN = re.compile(r"[\s_.-]*([%‰°])\s*$")
+_LAST_WORD = re.compile(rf"(?<=[^\W_])[\s_.-]((?:(?i:{'|'.join(sorted(_PLAIN_UNITS))}))|N|A)$")
 
 
 @dataclass(frozen=True)
@@ -114,12 +116,17 @@ class Meaning:
     strange: tuple[str, ...] = ()
 
 
-#: Words that German writes as one: a wanted or a measured value, that of a motor or of a joint.
+#: Words that German writes as one, and programs: a wanted or a measured value, that of a motor or of a joint.
 _WRITTEN_TOGETHER = re.compile(
-    r"(?<![^\W\d_])(soll|ist|motor|gelenk|achs|antriebs)(?=(?:position|winkel|geschwindigkeit|drehmoment|moment|strom|wert)(?![^\W\d_]))",
+    r"(?<![^\W\d_])(soll|ist|motor|gelenk|achs|antriebs)(?=(?:position|winkel|geschwindigkeit|drehmoment|moment|strom|wert)(?![^\W\d_]))"
+    r"|(?<![^\W\d_])(act|actual|meas|cmd|des|ref|set|target|joint|axis|motor|drive)"
+    r"(?=(?:pos|position|angle|vel|velocity|speed|torque|trq|tau|force|cur|curr|current)(?![^\W\d_]))",
     re.IGNORECASE,
 )
 
+#: Names of KUKA's sensor interface for what axes do and shall do, and for currents.
+_OF_KUKA = {"aipos": "ist pos ", "aspos": "soll pos ", "macur": "current "}
+_BY_KUKA = re.compile(rf"(?<![^\W_])({'|'.join(_OF_KUKA)})(?=[\W\d_]|a\d|$)", re.IGNORECASE)
 
 #: Words for a joint that are written without a blank to what follows.
 _JOINT_SIGNS = re.compile("(关节|関節|轴|軸)")
@@ -127,7 +134,8 @@ _JOINT_SIGNS = re.compile("(关节|関節|轴|軸)")
 
 def tokens_of(name: str) -> list[str]:
     """Return the words and numbers of a name in small letters: ``jointPos_1`` is joint, pos, 1, ``qDes`` q, des."""
-    name = _JOINT_SIGNS.sub(r" \1 ", _WRITTEN_TOGETHER.sub(r"\1 ", name))
+    name = _BY_KUKA.sub(lambda found: _OF_KUKA[found[1].lower()], name)
+    name = _JOINT_SIGNS.sub(r" \1 ", _WRITTEN_TOGETHER.sub(r"\g<0> ", name))
     spaced = re.sub(r"(?<=[a-z][a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[qx])(?=[A-Z][a-z])", " ", name)
     return [word.lower() for word in re.findall(r"[^\W\d_]+|\d+", spaced)]
 
@@ -147,8 +155,8 @@ def words_of(name: str, container: str = "") -> list[str]:
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """Return the name without a unit in brackets, or a sign for one, at its end, and the unit's word or empty."""
-    found = _BRACKETED.search(name) or _SIGN.search(name)
+    """Return the name without a unit at its end, in brackets, as a sign or a plain word, and the unit or empty."""
+    found = _BRACKETED.search(name) or _SIGN.search(name) or _LAST_WORD.search(name)
     if found is None:
         return name, ""
     plain = re.sub(r"[\s·*.]", "", found[1].lower())
@@ -183,7 +191,7 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
     words = _undotted(words)
     signals, kind, side, strange = _signals(words), "", "", list[str]()
     signal = _one(signals)
-    if not unit and len(words) > 1 and words[-1] in UNIT_WORDS and (at_end or words[-1] in _PLAIN_UNITS):
+    if not unit and len(words) > 1 and words[-1] in UNIT_WORDS and (at_end or _is_plain(words)):
         unit = UNIT_WORDS[words[-1]]
         is_told = is_unit_of(unit, signal) or (not signal and words[-1] in _PLAIN_UNITS)
         words = words[:-1] if is_told else words
@@ -207,6 +215,11 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
     if signal == "time" and (strange or kind not in ("", "measured")):
         return Meaning("")
     return Meaning(signal, kind, side, unit, tuple(strange))
+
+
+def _is_plain(words: Sequence[str]) -> bool:
+    """Return whether the last word is a unit even before a number, such as ``force_N1``."""
+    return words[-1] in _PLAIN_UNITS or (words[-1] == "n" and words[-2] in ("force", "forces", "frc"))
 
 
 def _undotted(words: list[str]) -> list[str]:

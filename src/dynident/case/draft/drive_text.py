@@ -22,7 +22,7 @@ _CARRIED = (0.5, 2.0)
 
 def drive_lines(found: Recognised) -> list[str]:
     """Return the keys coupling and drives."""
-    if "q" not in found.sources or not (found.effort or found.on_motors):
+    if not (found.effort or found.on_motors):
         return []
     return [*_coupling(found), *_drives(found)]
 
@@ -40,7 +40,7 @@ def _coupling(found: Recognised) -> list[str]:
 
 def _drives(found: Recognised) -> list[str]:
     moving = found.moving
-    columns = found.sources["q"].columns
+    columns = found.sources["q"].columns if "q" in found.sources else ()
     names = found.joints.names if len(found.joints.names) == len(columns) else ()
     if not names or moving is None:
         if found.effort == "current" or found.on_motors:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.case.draft.column_groups import groups_of, time_columns, unit_of_time
+from dynident.case.draft.column_groups import groups_of_robot, time_columns, unit_of_time
 from dynident.case.draft.command_pairs import by_commands
 from dynident.case.draft.joint_choice import JointChoice, choose_joints, lacking
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
@@ -34,7 +34,7 @@ from dynident.case.draft.stated_units import (
 )
 from dynident.case.draft.stepping_joints import with_held, without_steps
 from dynident.case.draft.tied_columns import without_followers
-from dynident.case.draft.unnamed_columns import by_structure, with_missing_signals
+from dynident.case.draft.unnamed_columns import by_structure, with_missing_signals, with_named_efforts
 from dynident.case.draft.yaml_words import listed, quoted
 from dynident.case.evidence.positions import STILL, strays, travel
 from dynident.case.evidence.torques import torque_evidence
@@ -78,7 +78,7 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
     elif not fits and "q_ref" not in found.sources:
         found, tables = with_missing_signals(found, tables)
     if not found.time or "q" not in found.sources:
-        return found
+        return with_named_efforts(found)
     columns = {signal: source.columns for signal, source in found.sources.items()}
     readings = tuple(read_rows(table, found.time, columns) for table in tables)
     return with_held(_with_temperature(_by_values(replace(found, readings=readings)), tables), tables)
@@ -123,14 +123,14 @@ def _by_profile(found: Recognised, fits: Sequence[ProfileFit]) -> Recognised:
     joints = JointChoice(fit.joints, True, f"{why}{lacking(found.robot, fit.joints)}")
     likely = ""
     if fit.effort is None:
-        groups = choose_signals(groups_of(found.header, found.robot.joint_names), found.robot.dof, True).groups
+        groups = choose_signals(groups_of_robot(found.header, found.robot), found.robot.dof, True).groups
         group = groups.get("torque") or groups.get("current")
         likely = "" if group is None else quoted(group.pattern) if group.pattern else listed(group.names)
     return replace(found, time=fit.profile.time, sources=sources, joints=joints, likely_effort=likely)
 
 
 def _by_names(found: Recognised) -> Recognised:
-    choice = choose_signals(groups_of(found.header, found.robot.joint_names), found.robot.dof)
+    choice = choose_signals(groups_of_robot(found.header, found.robot), found.robot.dof)
     times = [found.time] if found.is_clocked else time_columns(found.header)
     sources = {
         signal: SignalSource.of_group(group) for signal, group in choice.groups.items() if signal not in choice.rivals
@@ -190,8 +190,8 @@ def _by_values(found: Recognised) -> Recognised:
         units["position"] = unit_of_motors(stated["q"])
     elif "position" not in units and moving is not None and len(found.joints.names) == q.shape[1]:
         own = {joint.name: joint for joint in moving.active}
-        told = position_unit(q, [own[name] for name in found.joints.names], stated["q"])
-        units["position"] = as_header(told, units_in_names(found, "q"))
+        each = units_in_names(found, "q")
+        units["position"] = as_header(position_unit(q, [own[n] for n in found.joints.names], stated["q"], each), each)
     elif "position" not in units and found.joints.in_si:
         units["position"] = SignalUnit(("SI",), True, found.joints.why)
     elif "position" not in units:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,19 +65,22 @@ def time_unit(step: float, stated: str) -> SignalUnit:
     return SignalUnit(fitting[:1], False, f"{said}{f', which is {rates}' if rates else ''}")
 
 
-def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
-    """Return the unit of positions, shape (N, n), from the limits of their joints and from what the header states."""
+def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence[str] = ()) -> SignalUnit:
+    """Return the unit of positions, shape (N, n), from the limits of their joints and from what the header states.
+
+    Args:
+        q: The positions, in the file's units.
+        joints: Their joints, n of them.
+        stated: What the header states; empty for nothing.
+        each: What it states for each joint where they differ; else empty.
+    """
     words, certain, may_differ, reasons, resting = [], True, False, list[str](), list[str]()
     spans = np.ptp(q, axis=0)
-    for kind, si, other in (("revolute", "rad", "deg"), ("prismatic", "m", "mm")):
-        mine = [k for k, joint in enumerate(joints) if joint.kind == kind]
-        if not mine:
-            continue
+    for mine, (si, other), said in _of_one_unit(joints, each or (stated,) * len(joints)):
         own = [joints[k] for k in mine]
         fits = {word: _fits(q[:, mine] * _factor("position", word), own) for word in (si, other)}
         widths = np.array([joint.limits.upper - joint.limits.lower for joint in own])
         telling = bool(np.any(spans[mine] >= np.minimum(_TELLING, _SHARE * widths)))
-        said = stated if stated in fits else ""
         if said and fits[said]:
             word, sure, why = said, True, f"the header states {said}, and the limits of the joints agree"
         elif said and not fits[si] and not fits[other] and _fits(q[:, mine] * _factor("position", said), own, _BEYOND):
@@ -104,6 +107,15 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
     certain &= not resting or not {"deg", "mm"} & set(named.values())  # what stands may then be in these as well
     likely = tuple(named[k] for k in range(len(joints))) if all(named.values()) else ()
     return SignalUnit(likely, certain, "; ".join(reasons), may_differ=may_differ)
+
+
+def _of_one_unit(joints: Sequence[Joint], stated: Sequence[str]) -> Iterator[tuple[list[int], tuple[str, str], str]]:
+    """Yield the places of the joints of a kind with one stated unit, the units that they may have, and that unit."""
+    for kind, units in (("revolute", ("rad", "deg")), ("prismatic", ("m", "mm"))):
+        said = [word if word in units else "" for word in stated]
+        mine = [k for k, joint in enumerate(joints) if joint.kind == kind]
+        for word in dict.fromkeys(said[k] for k in mine):
+            yield [k for k in mine if said[k] == word], units, word
 
 
 def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], units: tuple[str, str]) -> str:

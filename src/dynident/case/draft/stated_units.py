@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dynident.case.draft.column_groups import Group, groups_of
+from dynident.case.draft.column_groups import Group, groups_of_robot
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.signal_units import SignalUnit
 
@@ -24,7 +24,7 @@ def units_of_profile(found: Recognised) -> dict[str, SignalUnit]:
 def column_groups(found: Recognised) -> list[Group]:
     """Return the sets of columns that the names tell, then those that the values tell."""
     by_values = [] if found.structure is None else found.structure.groups.values()
-    return [*groups_of(found.header, found.robot.joint_names), *by_values]
+    return [*groups_of_robot(found.header, found.robot), *by_values]
 
 
 def stated_unit(found: Recognised, signal: str) -> str:
@@ -42,11 +42,9 @@ def units_in_names(found: Recognised, signal: str) -> tuple[str, ...]:
 
 
 def as_header(told: SignalUnit, units: tuple[str, ...]) -> SignalUnit:
-    """Return the units that the header states column by column; asked where the limits of the joints say others."""
-    if not units:
+    """Return units by the limits of the joints; asked where the header states others column by column."""
+    if not units or told.words == units:
         return told
-    if told.words == units:
-        return SignalUnit(units, True, f"the header states so; {told.why}")
     return SignalUnit(told.words, False, f"the header states [{', '.join(units)}]; {told.why}")
 
 

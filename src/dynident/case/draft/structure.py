@@ -218,8 +218,10 @@ class _Names:
 
     def group(self, signal: str, run: Sequence[int]) -> Group:
         names = [self.header[column] for column in run]
-        unit = unit_of(names)
-        return Group(Meaning(signal, unit=unit * is_unit_of(unit, signal)), dict(enumerate(names)), False)
+        each = tuple(unit_of([name]) for name in names)
+        unit = each[0] if len(set(each)) == 1 and is_unit_of(each[0], signal) else ""
+        units = each if len(set(each)) > 1 and all(is_unit_of(one, signal) for one in each) else ()
+        return Group(Meaning(signal, unit=unit), dict(enumerate(names)), False, units=units)
 
     def shown(self, run: Sequence[int]) -> str:
         return self.group("", run).shown()

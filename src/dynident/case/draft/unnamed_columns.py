@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.case.draft.column_groups import groups_of
+from dynident.case.draft.column_groups import groups_of_robot
 from dynident.case.draft.column_words import ENABLED, tokens_of
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.recognition import Recognised, SignalSource
@@ -97,9 +97,14 @@ def _refused(found: Recognised) -> set[str]:
     return {name for group, _ in found.refused for name in group.names}
 
 
+def with_named_efforts(found: Recognised) -> Recognised:
+    """Return what is recognised with the torques or currents that names tell, where positions are not known."""
+    return replace(found, sources={**_named_efforts(found, found.robot.dof), **found.sources})
+
+
 def _named_efforts(found: Recognised, count: int) -> dict[str, SignalSource]:
     """Return the torques, or else the currents, of so many joints that names tell where they do not tell positions."""
-    efforts = choose_signals(groups_of(found.header, found.robot.joint_names), count, True).groups
+    efforts = choose_signals(groups_of_robot(found.header, found.robot), count, True).groups
     for signal in ("torque", "current"):
         if signal in efforts and efforts[signal].count == count:
             return {signal: SignalSource.of_group(efforts[signal])}
