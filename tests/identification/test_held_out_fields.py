@@ -168,9 +168,9 @@ def test_a_part_that_the_log_asks_for_is_taken_and_its_sign_turns_with_the_other
     ((_, table),) = choice_tables(Choices(chosen_fields=found))
     assert ("left out", "there", "in the model") in [(row[3], row[4], row[-1]) for row in table.rows]
     assert {(row[2], row[-1]) for row in table.rows if row[0] == "stribeck" and row[2] != "part"} == {
-        ("velocity", "all samples")  # whatever the best of the values that were compared takes off
+        ("velocity", "fitted")  # whatever the best of the values that were compared takes off
     }
-    assert "'all samples'" in table.note and "best" in {row[-1] for row in table.rows if row[2] == "width"}
+    assert "'fitted'" in table.note and "best" in {row[-1] for row in table.rows if row[2] == "width"}
 
 
 def test_a_share_has_its_own_std_and_an_end_of_a_range_is_named(planar_2r: Robot) -> None:

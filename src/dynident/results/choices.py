@@ -150,7 +150,7 @@ def _held_out(found: Sequence[FieldChoice], model: DynamicModel | None) -> Table
         "samples, out of the range of the fit, whose own stands beside it. The given value is kept unless the "
         "reduction is half a per cent and more than chance makes it in one of twenty logs. Of a part that was open it "
         "is a start: the reduction is that of the best values of a grid, together for all fields, and the values that "
-        "fit all samples best are used ('all samples'). Of parts without fields of their own the shortest list within "
+        "fit all samples best are used ('fitted'). Of parts without fields of their own the shortest list within "
         f"a standard error of the best is there. {MISSING}: nothing differs, as where no samples are faster."
     )
     ends = [" ".join(_field(each)[::2]) for each in found if _is_at_end(each, model)]
@@ -187,7 +187,7 @@ def _used(held: FieldChoice, is_start: bool) -> str:
     """Return which value the model has; of a whole part, whether it is there. Of an open part the given is a start."""
     if held.field == WHOLE:
         return "in the model" if held.value else "left out"
-    return "given" if held.value == held.stated else "all samples" if is_start else "best"
+    return "given" if held.value == held.stated else "fitted" if is_start else "best"
 
 
 def _values(held: FieldChoice) -> tuple[str, str]:
