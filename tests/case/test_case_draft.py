@@ -680,3 +680,25 @@ def test_a_log_in_which_nothing_moves_has_no_band(arm: str, tmp_path: Path) -> N
     columns = numbered({"time": np.arange(600) / 100, "q": 0.3 + noise, "torque": 1 + noise})
     draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
     assert draft.recognition.band_hz == 0.0 and "cutoff_hz" not in draft.text
+
+
+@pytest.mark.parametrize("effort", ["tau", "i"])
+def test_rotors_that_no_motion_tells_from_bodies_are_stated(effort: str, tmp_path: Path) -> None:
+    """Of the joints of a SCARA without rotor inertias the slide's acts as mass; samples decide on the hinges'."""
+    robot = read_robot("generic-scara")
+    robot = robot.with_drives(dict.fromkeys(robot.joint_names, Drive()))
+    slides = [joint.name for joint in robot.active if joint.kind == "prismatic"]
+    hinges = [name for name in robot.joint_names if name not in slides]
+    arm, motion = write_robot(tmp_path / "scara.json", robot), moved(robot)
+    motion["q"][:, [j.kind == "prismatic" for j in robot.active]] *= 0.1
+    text = draft_case(arm, write_log(tmp_path / "run.csv", numbered(motion, torque=effort + "{}")), tmp_path).text
+    if effort == "i":
+        assert text.count("- rotor_inertia") == 1 and "- rotor_inertia  " in text
+        return
+    assert f"- rotor_inertia: {{joints: [{', '.join(slides)}]}}   # of motors and belts" in text
+    assert f"- rotor_inertia: {{joints: [{', '.join(hinges)}], choose: part}}" in text
+
+
+def test_rotors_of_an_arm_are_left_to_held_out_samples(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    text = draft_case(arm, write_log(tmp_path / "run.csv", numbered(motion)), tmp_path).text
+    assert text.count("- rotor_inertia") == 1 and "- rotor_inertia: {choose: part}" in text

@@ -28,6 +28,7 @@ from dynident.cli.main import main
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.data.preprocessing.butterworth import Butterworth
+from dynident.identification.problem.choices import GainUncertainty
 from dynident.model.friction import FRICTION
 from scara_logs import recorded
 
@@ -199,3 +200,15 @@ def test_predict_says_where_its_bands_mean_nothing(cell: Path, capsys: pytest.Ca
     write_log(replace(log, q=3.0 * log.q, torque=None), "wide.csv")
     assert main(["predict", "estimate.json", "wide.csv", "-o", "tau.csv"]) == 0
     assert "remark: extrapolation beyond the training range: position of" in capsys.readouterr().out
+
+
+def test_predict_says_what_uncertain_gains_leave_out_of_its_bands(
+    cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    estimate = read_estimate("estimate.json")
+    first, second, *_ = estimate.model.robot.joint_names
+    moved = GainUncertainty({first: 0.05, second: 0.0}, (0.0,) * len(estimate.beta))
+    write_estimate(replace(estimate, choices=replace(estimate.choices, gain_std=moved)), "gains.json")
+    assert main(["predict", "gains.json", "clean.csv", "-o", "tau.csv", "--json"]) == 0
+    (remark,) = [one for one in json.loads(capsys.readouterr().out)["remarks"] if "gains" in one]
+    assert remark.endswith(f"off as a whole: {first} 5 %")

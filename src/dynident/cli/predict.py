@@ -83,6 +83,7 @@ def run(options: argparse.Namespace) -> int:
     remarks = [
         *_resting(joints, widest),
         *_beginning(found.starts, joints, warmed_torque(estimate, found.prepared)),
+        *_of_gains(estimate),
         *_outside(estimate, found),
         *_beyond(estimate, found.prepared),
     ]
@@ -125,6 +126,15 @@ def _resting(joints: Sequence[dict[str, object]], widest: Array) -> list[str]:
         if held
         else []
     )
+
+
+def _of_gains(estimate: Estimate) -> list[str]:
+    """Return what is to be said of drive gains that are not certain: bands are those of the fit under these."""
+    stated = estimate.choices.gain_std
+    named = {} if stated is None else {name: value for name, value in stated.relative.items() if value > 0.0}
+    each = ", ".join(f"{name} {100 * value:.2g} %" for name, value in named.items())
+    text = "the bands leave out that gains have a relative std, by which the torque of a drive is off as a whole: "
+    return [text + each] if each else []
 
 
 def _beginning(starts: Sequence[dict[str, object]], joints: Sequence[dict[str, object]], changes: Array) -> list[str]:

@@ -21,7 +21,10 @@ from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, q
 from dynident.case.evidence.torques import agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
 from dynident.identification.problem.problem import rest_speeds
+from dynident.model.base_parameters import IDENTIFIABLE, base_parameters
+from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import motor_ripple
+from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.warm_up import WarmUp
 from dynident.robot_files import shipped_robots
 from dynident.robot_files.xacro import split_arguments, with_arguments
@@ -210,7 +213,7 @@ def _friction(found: Recognised, files: Files) -> list[str]:
     if not is_plain_torque:  # it is there; where it is left out, a delay that is not there takes its place
         lines.append(rotors)
     elif may_have_rotor:
-        lines.append("  - rotor_inertia: {choose: part}   # of the motors, seen at the joints")
+        lines += _optional_rotors(found)
     return [
         *lines,
         "  # parts with choose: part are kept only if they improve held-out data",
@@ -225,6 +228,39 @@ def _friction(found: Recognised, files: Files) -> list[str]:
         *_ripple(found),
         *_warm_up(found, files),
     ]
+
+
+def _optional_rotors(found: Recognised) -> list[str]:
+    """Return the inertia of the motors: held-out samples decide, but where it acts as an inertia of bodies for sure.
+
+    That of a slide does, as mass, and that of all joints of a gantry with a wrist of two axes.
+    """
+    one, told = "  - rotor_inertia: {choose: part}   # of the motors, seen at the joints", "of motors and belts: "
+    told += (
+        "no motion tells it from inertia of the links; take the line out where the drives measure behind their gears"
+    )
+    if found.moving is None or not found.joints.certain:
+        return [one]
+    held = {*found.still, *found.stepping, *found.without_effort}.intersection(found.moving.joint_names)
+    if len(held) == found.moving.dof:
+        return [one]
+    robot = found.moving.locked(dict.fromkeys(held, 0.0))
+    model = DynamicModel(robot, (RotorInertia(),))
+    verdicts = zip(model.parameters, base_parameters(model).verdicts, strict=True)
+    apart = {
+        parameter.owner for parameter, verdict in verdicts if parameter.kind == "rotor" and verdict == IDENTIFIABLE
+    }
+    slides = [joint.name for joint in robot.active if joint.kind == "prismatic"]
+    hinges = [joint.name for joint in robot.active if joint.name not in slides]
+    stated = [name for name in robot.joint_names if name in slides or not apart & set(hinges)]
+    if not stated:
+        return [one]
+    lines = [f"  - rotor_inertia: {{joints: {listed(stated)}}}   # {told}"]
+    if len(stated) < robot.dof:
+        lines.append(
+            f"  - rotor_inertia: {{joints: {listed(hinges)}, choose: part}}   # of the motors, seen at the joints"
+        )
+    return lines
 
 
 def _ripple(found: Recognised) -> list[str]:
