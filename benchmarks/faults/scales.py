@@ -20,8 +20,7 @@ from dynident.diagnosis.causes.torque_scales import JointScale, other_scales
 from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.checks.readings import Readings
 from dynident.diagnosis.checks.torque_scale import TorqueScale
-from dynident.diagnosis.examination import ordered
-from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.finding import Finding, ordered
 
 FACTORS = (0.05, 0.1, 0.2, 0.495, 0.8, 1.25, 2.0, 2.5, 4.0, 10.0, 20.0)
 ROBOTS = ("er16", "generic-6r", "generic-7r", "generic-scara", *REAL)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from dynident.case.case import read_case
+from dynident.cli.main import main
 from dynident.data.log import Log
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.earlier import check_same, noise_of, prior_of_estimate, prior_of_logs
 from dynident.errors import BadOption
 from dynident.excitation.design.prior import deviations_of
+from dynident.identification.files.estimate_file import read_estimate, write_estimate
 from dynident.identification.identify import identify
+from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
 
@@ -56,6 +63,26 @@ def test_an_estimate_of_another_model_is_refused(model: DynamicModel, logs: tupl
     check_same(estimate, model, "estimate.json")
     with pytest.raises(BadOption, match=r"estimate.json = 'an estimate of other base parameters \(\d+ beside \d+"):
         prior_of_estimate(estimate, replace(model, friction=("viscous",)), "estimate.json")  # type: ignore[arg-type]
+
+
+def test_the_hint_beside_an_estimate_of_more_joints_can_be_followed(
+    model: DynamicModel, logs: tuple[Log, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The commands of the message, word by word, give a case of the joints that are left."""
+    monkeypatch.chdir(tmp_path)
+    write_estimate(identify(model, logs, "consistent", default_preprocessing()), "my run.json")
+    locked = replace(model, robot=model.robot.locked({model.robot.joint_names[1]: 0.3}))
+    with pytest.raises(BadOption) as caught:
+        prior_of_estimate(read_estimate("my run.json"), locked, "my run.json")
+    assert "leave the estimate out" in str(caught.value)
+    (command,) = re.findall(r"'dynident (export .*?identified.xml)'", str(caught.value))
+    assert main([*shlex.split(command), "--quiet"]) == 0
+    (robot,) = re.findall(r"state (robot: \S+) in the case", str(caught.value))
+    Path("next.yaml").write_text(f"case: 2\n{robot}\nlocked: {{{model.robot.joint_names[1]}: 0.3}}\n")
+    case = read_case("next.yaml")
+    assert case.robot.joint_names == locked.robot.joint_names
+    found, wanted = (base_parameters(replace(one, friction=locked.friction)) for one in (case.model, locked))
+    assert found.names == wanted.names
 
 
 def test_no_logs(model: DynamicModel) -> None:

@@ -23,8 +23,7 @@ from dynident.diagnosis.causes.trend_findings import is_grave
 from dynident.diagnosis.checks import CHECKS
 from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.checks.readings import simple_ratio
-from dynident.diagnosis.examination import ordered
-from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.finding import Finding, ordered
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair
 from dynident.model.friction import FRICTION, default_friction

@@ -239,3 +239,51 @@ def test_a_log_without_torque_has_no_part(trials: list[Trial], tmp_path: Path) -
     assert together.path == "2 of 3 logs (run0.npz, run2.npz)" and together.sound
     assert [one.name for one in second.findings] == ["no torque"] or second.left_out
     assert not any(one.name == "unlike other logs" for each in (first, second, third) for one in each.findings)
+
+
+def test_a_part_of_many_logs_is_one_that_moves_each_joint(
+    trials: list[Trial], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A log whose joint rests alone in its part was told that other logs do not go with it: none had been compared."""
+    case = trials[0].case
+    paths = written([moved_at_rest(trials[0], case, 2), *trials[1:]], tmp_path)
+    monkeypatch.setattr("dynident.diagnosis.examination.LONGEST_S", 15.0)
+    first, *_, together = examine_logs(case, paths)
+    assert not first.left_out and [one.severity for one in first.findings if one.name == "at rest in one log"] == [
+        "note"
+    ]
+    assert together.path == "2 of 3 logs, from run0.npz on"
+    monkeypatch.setattr("dynident.diagnosis.examination.FULL", 1.0)
+    first, *_ = examine_logs(case, paths)
+    assert first.left_out.endswith("joints are at rest, and no log beside it moves them: name some that do as well")
+    assert [one.severity for one in first.findings if one.name == "at rest in one log"] == ["note"]
+
+
+def test_a_training_log_named_alone_is_told_by_the_others_of_its_case(trials: list[Trial], tmp_path: Path) -> None:
+    paths = written([at_rest(trials[0], (2,)), trials[1], at_rest(trials[2], (2,))], tmp_path)
+    case = replace(trials[0].case, train=tuple(paths[:2]))
+    alone = examine(case, paths[0])
+    assert [one.severity for one in alone.findings if one.name == "at rest in one log"] == ["note"]
+    assert "other logs move it" in alone.findings[-1].evidence and alone.sound
+    assert alone.left_out.endswith("name some that do as well")
+    for other in (replace(case, train=(paths[0], paths[2])), replace(case, train=(paths[0],))):  # where none moves it
+        assert [one.name for one in examine(other, paths[0]).findings if one.severity == "error"] == [
+            "joint never moved"
+        ]
+    stranger = examine(case, paths[2])  # no log of the case: what is identified from it alone would lack the joint
+    assert [one.name for one in stranger.findings if one.severity == "error"] == ["joint never moved"]
+
+
+def test_a_log_to_test_on_is_one_however_its_path_is_written(
+    trials: list[Trial], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A joint that a log to test on alone moves has never moved."""
+    written([at_rest(trials[0], (2,)), trials[1]], tmp_path)
+    monkeypatch.chdir(tmp_path)
+    case = replace(trials[0].case, train=("run0.npz",), test=("run1.npz",))
+    for name in ("run1.npz", "./run1.npz", str(tmp_path / "run1.npz")):
+        first, *_ = examine_logs(case, ["run0.npz", name])
+        assert [one.name for one in first.findings if one.severity == "error"] == ["joint never moved"]
+    both = replace(case, train=("run0.npz", str(tmp_path / "run1.npz")))
+    first, *_ = examine_logs(both, ["./run0.npz", "./run1.npz"])
+    assert first.sound

@@ -1,4 +1,4 @@
-"""Rotor inertias that a case leaves out: a spring of negative stiffness before, an inertia of each drive now."""
+"""Rotor inertias that a case leaves out, and what looks like one: a joint's delay, a wrong axis of the robot model."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from benchmarks.faults.trials import Trial, virtual
 
 import dynident as di
 from dynident.case.case import Case, read_case
+from dynident.model.robot import rotation_about
 
 ROTORS = np.array([0.8, 0.6, 0.3, 0.12, 0.08, 0.05])
 
@@ -48,3 +49,97 @@ def test_nothing_is_said_of_rotors_that_are_stated_or_not_there(stated: bool, si
     case = replace(six, friction=(*six.friction, di.FRICTION.make("rotor_inertia"))) if stated else six
     trial = replace(with_rotors(virtual(six, 0), ROTORS * stated), case=case)
     assert "rotor inertia" not in [one.name for one in trial.examined(tmp_path).findings]
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("stated", [(0, 1, 2), pytest.param((1, 4), marks=pytest.mark.battery)])
+def test_a_joint_whose_rotor_a_case_lacks_is_named_where_others_have_theirs(
+    stated: tuple[int, ...], known: bool, six: Case, tmp_path: Path
+) -> None:
+    """Known inertias of drives, or those of a part of friction at some joints."""
+    trial, names = with_rotors(virtual(six, 0), ROTORS), six.robot.joint_names
+    if known:
+        drives = {names[k]: replace(six.robot.active[k].drive, rotor_inertia=ROTORS[k], gear_ratio=1.0) for k in stated}
+        case = replace(six, robot=six.robot.with_drives(drives))
+    else:
+        part = di.FRICTION.make("rotor_inertia", {"joints": [names[k] for k in stated]})
+        case = replace(six, friction=(*six.friction, part))
+    told = {one.joint: one for one in replace(trial, case=case).examined(tmp_path).findings if "rotor" in one.name}
+    for k in range(3, 6):
+        if k in stated:
+            continue
+        numbers = told[names[k]].numbers
+        assert abs(numbers["value"] - ROTORS[k]) < numbers["half_width"] + 0.01
+        assert f"add rotor_inertia: {{joints: [{names[k]}]}} to friction:" in told[names[k]].remedy
+    assert not {names[k] for k in stated} & set(told)
+
+
+def early(trial: Trial, joint: int, seconds: float) -> Trial:
+    """Return a log in which the torque of a joint comes earlier than those of the others."""
+    step = round(seconds / (trial.columns["t"][1] - trial.columns["t"][0]))
+    tau = trial.columns["tau"].copy()
+    tau[:, joint] = np.roll(tau[:, joint], -step)
+    return trial.with_columns(tau=tau).rows(np.arange(abs(step), len(tau) - abs(step)))
+
+
+@pytest.mark.parametrize("seconds", [0.06, -0.06])
+@pytest.mark.parametrize("joint", [0, pytest.param(2, marks=pytest.mark.battery)])
+def test_a_torque_that_comes_early_is_a_delay_of_its_joint(
+    joint: int, seconds: float, six: Case, tmp_path: Path
+) -> None:
+    """It passed for a rotor inertia: a lead of the acceleration's own torque."""
+    found = early(virtual(six, 0), joint, seconds).examined(tmp_path).findings
+    (delay,) = [one for one in found if one.name == "torque delay"]
+    assert delay.joint == six.robot.joint_names[joint]
+    assert abs(delay.numbers["value"] + seconds) < max(delay.numbers["half_width"], 0.003)
+    assert "rotor inertia" not in [one.name for one in found]
+
+
+@pytest.mark.parametrize("seconds", [0.06, -0.06])
+def test_a_torque_of_a_light_wrist_that_comes_early_is_no_rotor_inertia(
+    seconds: float, six: Case, tmp_path: Path
+) -> None:
+    """Nearly all of it is friction, which then turns before or after the velocity does."""
+    found = early(virtual(six, 0), 5, seconds).examined(tmp_path).findings
+    assert "rotor inertia" not in [one.name for one in found]
+    assert ("friction curve", six.robot.joint_names[5]) in [(one.name, one.joint) for one in found]
+
+
+def with_axis_off(trial: Trial, place: int, degrees: float = 0.0, metres: float = 0.0) -> Trial:
+    """Return a log with a robot model whose frame of a link is turned about its x axis, or displaced."""
+    joints = list(trial.case.robot.joints)
+    turn = rotation_about(np.array([1.0, 0.0, 0.0]), np.radians(degrees))
+    shift = metres * np.array([2.0, 1.0, 0.0]) / np.sqrt(5.0)
+    old = joints[place]
+    joints[place] = replace(old, rotation=old.rotation @ turn, translation=old.translation + shift)
+    return replace(trial, case=replace(trial.case, robot=replace(trial.case.robot, joints=tuple(joints))))
+
+
+@pytest.mark.parametrize(
+    ("place", "degrees"), [(1, 5.0), pytest.param(2, 15.0, marks=pytest.mark.battery), pytest.param(3, 5.0)]
+)
+def test_a_wrong_frame_of_the_robot_model_is_no_rotor_inertia(
+    place: int, degrees: float, six: Case, tmp_path: Path
+) -> None:
+    found = with_axis_off(virtual(six, 0), place, degrees).examined(tmp_path).findings
+    (frame,) = [one for one in found if one.name == "link frame"]
+    names = six.robot.joint_names
+    assert frame.severity == "warning" and frame.joint.split(", ")[0] == names[place]
+    assert abs(frame.numbers[f"angle_deg {names[place]}"] - degrees) < 0.15 * degrees
+    assert not [one for one in found if one.name in ("rotor inertia", "spring", "counterbalance", "inconsistent links")]
+
+
+def test_rotors_stay_named_beside_a_wrong_frame(six: Case, tmp_path: Path) -> None:
+    trial = with_axis_off(with_rotors(virtual(six, 0), ROTORS), 1, 5.0)
+    found = trial.examined(tmp_path).findings
+    told, names = {one.joint: one for one in found if one.name == "rotor inertia"}, six.robot.joint_names
+    assert "link frame" in [one.name for one in found] and names[1] not in told
+    assert abs(told[names[5]].numbers["value"] - ROTORS[5]) < told[names[5]].numbers["half_width"]
+
+
+def test_a_displaced_axis_is_no_counterbalance(six: Case, tmp_path: Path) -> None:
+    found = with_axis_off(virtual(six, 0), 1, metres=0.05).examined(tmp_path).findings
+    (frame,) = [one for one in found if one.name == "link frame"]
+    assert frame.joint == six.robot.joint_names[1]
+    assert abs(frame.numbers[f"distance_m {frame.joint}"] - 0.05) < 0.01
+    assert "counterbalance" not in [one.name for one in found]

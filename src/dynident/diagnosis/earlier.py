@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 
 import numpy as np
@@ -61,7 +62,10 @@ def check_same(estimate: Estimate, model: DynamicModel, name: str) -> None:
     evidence = f"an estimate of other base parameters ({estimate.base.count} beside {ours.count}, such as {differs})"
     step = "give the robot, locked joints and friction with which it was identified"
     if set(model.robot.joint_names) < set(estimate.model.robot.joint_names):
-        step += ", or none with the robot model that 'dynident export' writes from it, the other joints locked"
+        export = f"dynident export {shlex.quote(name)} --to mjcf -o identified.xml"
+        step += (
+            f"; or leave the estimate out, and state robot: identified.xml in the case that '{export}' writes from it"
+        )
     raise BadOption(name, evidence, step)
 
 

@@ -15,14 +15,16 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.case import Case
+from dynident.case.case_values import find_file
+from dynident.data.log_places import is_address
 from dynident.diagnosis.case_lines import with_case_line
 from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, alike_parts, pooled_logs
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.checks import CHECKS, Check, CheckedLog
-from dynident.diagnosis.finding import SEVERITIES, Finding, Severity
+from dynident.diagnosis.finding import Finding, Severity, ordered
 from dynident.diagnosis.recording import Recording, read_recording
 from dynident.diagnosis.repair import Repaired, repair
-from dynident.errors import LogFormatError, LogMismatch
+from dynident.errors import DynidentError, LogFormatError, LogMismatch
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.threads import one_blas_thread
 
@@ -37,8 +39,9 @@ RESTS = "at rest in one log"
 #: Errors that are gone once the safe repairs are made.
 _MENDABLE = ("values that are not finite", "repeated rows", "rows out of order", "encoder wrap")
 
-#: Duration in s of logs that are fitted together at most; of more logs the next ones are another fit.
-LONGEST_S = 1200.0
+#: Duration in s of logs that are fitted together at most; of more logs the next ones are another fit. Times it where
+#: joints are at rest in all of them until then.
+LONGEST_S, FULL = 1200.0, 3.0
 
 #: Logs that are named at most where some are examined together.
 NAMED = 4
@@ -119,14 +122,45 @@ def examine_logs(
         progress(f"looking at {name}")
         try:
             recordings.append(read_recording(case, name))
-            tests.append(name in case.test and name not in case.train)
+            tests.append(_is_among(case, name, case.test) and not _is_among(case, name, case.train))
         except (LogFormatError, LogMismatch) as error:
             finding = Finding("error", "unreadable", "", error.evidence, error.step)
             left_out = "no check was made, the file is no table of the case"
             unreadable[k] = Examination(str(case.find(name)), (finding,), left_out)
-    found = iter(examine_recordings(case, recordings, earlier, len(names), tests))
+    unnamed = [one for one in case.train if not _is_among(case, one, names)]
+    of_case = any(_is_among(case, name, (*case.train, *case.test)) for name in names)
+
+    def moved(joints: set[str]) -> set[str]:
+        """Return those of some joints that training logs move which were not named."""
+        return joints - _still_in_all(case, unnamed, joints) if of_case else set()
+
+    found = iter(examine_recordings(case, recordings, earlier, len(names), tests, moved))
     each = [unreadable[k] if k in unreadable else next(found) for k in range(len(names))]
     return (*each, *found)
+
+
+def _is_among(case: Case, name: str, others: Sequence[str]) -> bool:
+    """Return whether a log is one of others, however their paths are written."""
+    return name in others or find_file(name, case.path).resolve() in {
+        find_file(one, case.path).resolve() for one in others if not is_address(one)
+    }
+
+
+def _still_in_all(case: Case, names: Sequence[str], joints: set[str]) -> set[str]:
+    """Return which of some joints are at rest in all of some logs, or in those that can be read."""
+    check = CHECKS.make("position_range")
+    for name in names if joints else ():
+        try:
+            raw = read_recording(case, name)
+        except DynidentError:
+            continue
+        joints = joints & _still(check.findings(CheckedLog(case, raw, repair(raw, case.robot).recording)))
+    return joints
+
+
+def _still(found: Sequence[Finding]) -> set[str]:
+    """Return the joints that findings tell to be at rest in all of a log."""
+    return {name for each in found if each.name == STILL for name in each.joint.split(", ")}
 
 
 @one_blas_thread()
@@ -136,6 +170,7 @@ def examine_recordings(
     earlier: Estimate | None = None,
     total: int = 0,
     tests: Sequence[bool] = (),
+    moved: Callable[[set[str]], set[str]] = lambda joints: set(),
 ) -> tuple[Examination, ...]:
     """Return what is wrong with each recording of a case, and then with those together that are alike.
 
@@ -147,10 +182,11 @@ def examine_recordings(
         earlier: An estimate of the same robot, whose bodies take the place of the robot model's.
         total: How many logs there are with those that could not be read; 0 for those that are given.
         tests: Whether each is one to test on, from which nothing is learned; empty for none.
+        moved: Returns those of some joints that logs beside these move.
     """
     checks = [CHECKS.make(name) for name in CHECKS.names()]
     seen = [_of_signals(checks, case, recording, earlier) for recording in recordings]
-    _tell_moved_by_others(seen, [not test for test in tests] or [True] * len(seen))
+    _tell_moved_by_others(seen, [not test for test in tests] or [True] * len(seen), moved)
     last = [check for check in checks if check.stage == _STAGES[-1]]
     parts = [_of_fits(last, group) for group in _groups([one for one in seen if not one.left_out])]
     _compare(case, parts)
@@ -173,7 +209,7 @@ class _ExaminedLog:
         found: Findings of the log.
         left_out: Why the checks that need a fit were left out; empty where they are made.
         others: Findings of the logs together of which it is one.
-        rests: Whether joints are at rest in all of it that other logs move: alone it determines too little.
+        rests: Joints that are at rest in all of it and that other logs move: alone it determines too little.
     """
 
     subject: CheckedLog
@@ -181,12 +217,16 @@ class _ExaminedLog:
     found: list[Finding]
     left_out: str = ""
     others: Sequence[Finding] = ()
-    rests: bool = False
+    rests: frozenset[str] = frozenset()
 
-    def leave_out(self) -> None:
-        """Say that no fit was looked at, as no other logs go with it and it determines too little alone."""
-        self.left_out = "checks that need a fit were left out: joints are at rest, and other logs do not go with it"
-        self.found = [replace(one, severity="warning") if one.name == RESTS else one for one in self.found]
+    def leave_out(self, is_compared: bool) -> None:
+        """Say that no fit was looked at, as it determines too little alone and no other logs go with it."""
+        why = (
+            "other logs do not go with it" if is_compared else "no log beside it moves them: name some that do as well"
+        )
+        self.left_out = f"checks that need a fit were left out: joints are at rest, and {why}"
+        severity: Severity = "warning" if is_compared else "note"
+        self.found = [replace(one, severity=severity) if one.name == RESTS else one for one in self.found]
 
     def examination(self) -> Examination:
         """Return what was found, less what findings of all logs together explain."""
@@ -197,12 +237,18 @@ def _groups(ready: Sequence[_ExaminedLog]) -> Iterator[list[_ExaminedLog]]:
     """Yield logs one after another, as many as are fitted together at once."""
     group: list[_ExaminedLog] = []
     for one in ready:
-        if group and sum(each.subject.sound.log.duration for each in (*group, one)) > LONGEST_S:
+        seconds = sum(each.subject.sound.log.duration for each in (*group, one))
+        if group and seconds > LONGEST_S * (FULL if _rest_in_all(group) else 1.0):
             yield group
             group = []
         group.append(one)
     if group:
         yield group
+
+
+def _rest_in_all(group: Sequence[_ExaminedLog]) -> frozenset[str]:
+    """Return the joints that none of some logs moves."""
+    return frozenset.intersection(*(one.rests for one in group))
 
 
 @dataclass(frozen=True)
@@ -222,9 +268,10 @@ class _PartOfLogs:
 
 def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> _PartOfLogs:
     """Add what fits show to the findings of some logs; return those of them that were fitted together."""
-    pooled = pooled_logs([one.subject.thin for one in group]) if len(group) > 1 else AlikeLogs()
-    if pooled.fit is not None and not pooled.fit.rows.masks.any(axis=0).all():  # some joint is at rest in all of them
-        pooled = AlikeLogs()
+    is_full = len(group) > 1 and not _rest_in_all(group)
+    pooled = pooled_logs([one.subject.thin for one in group]) if is_full else AlikeLogs()
+    if pooled.fit is not None and not pooled.fit.rows.masks.any(axis=0).all():  # some joint rests in all of them
+        pooled = replace(pooled, fit=None, together=())
     together = [group[k] for k in pooled.together]
     told: list[Finding] = []
     if pooled.fit is not None:
@@ -235,7 +282,7 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> _PartOfL
     apart = [k for k in range(len(group)) if k not in pooled.together]
     for k in apart:
         if group[k].rests:
-            group[k].leave_out()
+            group[k].leave_out(len(pooled.ratios) > 0)
         else:
             group[k].found += _of_stage(checks, group[k].subject, group[k].found)
     own = [finding for one in group for finding in one.found]
@@ -290,13 +337,16 @@ def _of_signals(checks: Sequence[Check], case: Case, recording: Recording, earli
     return _ExaminedLog(subject, repaired, found)
 
 
-def _tell_moved_by_others(seen: Sequence[_ExaminedLog], learns: Sequence[bool]) -> None:
+def _tell_moved_by_others(
+    seen: Sequence[_ExaminedLog], learns: Sequence[bool], moved: Callable[[set[str]], set[str]]
+) -> None:
     """Make a note of a joint that is at rest in one log and moves in another of those that are learned from."""
-    still = [{name for each in one.found if each.name == STILL for name in each.joint.split(", ")} for one in seen]
+    still = [_still(one.found) for one in seen]
     there = zip(seen, still, learns, strict=True)
     moving = [own for one, own, learn in there if learn and (own or not one.left_out)]
     for one, rests in zip(seen, still, strict=True):
-        if not rests or not all(any(name not in own for own in moving) for name in rests):
+        unmoved = {name for name in rests if all(name in own for own in moving)}
+        if not rests or (unmoved and moved(unmoved) != unmoved):
             continue
         for k, found in enumerate(one.found):
             if found.name == STILL:
@@ -307,7 +357,7 @@ def _tell_moved_by_others(seen: Sequence[_ExaminedLog], learns: Sequence[bool]) 
                 numbers, explains = found.numbers, found.explains
                 one.found[k] = Finding("note", RESTS, found.joint, evidence, remedy, numbers, explains)
         if not any(found.severity == "error" and found.name not in _MENDABLE for found in one.found):
-            one.left_out, one.rests = "", True
+            one.left_out, one.rests = "", frozenset(rests)
 
 
 def _unlike(case: Case, ratios: Array, others_agree: bool, why: bool) -> Finding:
@@ -344,27 +394,3 @@ def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Fin
     if subject.raw.table is None:  # arrays, whose owner has no case file
         return found
     return [with_case_line(finding, subject.raw.columns, subject.case.robot) for finding in found]
-
-
-def ordered(found: Sequence[Finding], others: Sequence[Finding] = ()) -> tuple[Finding, ...]:
-    """Return findings with the gravest first, those that another one of these or of ``others`` explains left out.
-
-    Of two that explain each other the graver one stays, or the first.
-    """
-    elsewhere = {name for finding in others for name in finding.explains}
-    first: dict[tuple[str, str], Finding] = {}
-    for finding in sorted(found, key=_rank):  # two checks may see one thing: the gravest tells it
-        first.setdefault((finding.name, finding.joint), finding)
-    told = list(first.values())
-    kept = [
-        own
-        for k, own in enumerate(told)
-        if own.name not in elsewhere
-        and not any(own.name in other.explains for other in told[:k])
-        and not any(own.name in other.explains and other.name not in own.explains for other in told[k + 1 :])
-    ]
-    return tuple(sorted(kept, key=_rank))
-
-
-def _rank(finding: Finding) -> int:
-    return SEVERITIES.index(finding.severity)

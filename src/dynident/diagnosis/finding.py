@@ -76,3 +76,27 @@ class Finding:
 def listed(names: Sequence[str]) -> str:
     """Return the names of joints as one text."""
     return ", ".join(names)
+
+
+def ordered(found: Sequence[Finding], others: Sequence[Finding] = ()) -> tuple[Finding, ...]:
+    """Return findings with the gravest first, those that another one of these or of ``others`` explains left out.
+
+    Of two that explain each other the graver one stays, or the first.
+    """
+    elsewhere = {name for finding in others for name in finding.explains}
+    first: dict[tuple[str, str], Finding] = {}
+    for finding in sorted(found, key=_rank):  # two checks may see one thing: the gravest tells it
+        first.setdefault((finding.name, finding.joint), finding)
+    told = list(first.values())
+    kept = [
+        own
+        for k, own in enumerate(told)
+        if own.name not in elsewhere
+        and not any(own.name in other.explains for other in told[:k])
+        and not any(own.name in other.explains and other.name not in own.explains for other in told[k + 1 :])
+    ]
+    return tuple(sorted(kept, key=_rank))
+
+
+def _rank(finding: Finding) -> int:
+    return SEVERITIES.index(finding.severity)

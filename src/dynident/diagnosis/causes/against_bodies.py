@@ -168,7 +168,34 @@ class Anchored(CauseSearch):
     def _blame(self, before: Solved, after: Solved, chosen: Sequence[int], counted: tuple[Array, float]) -> Blame:
         blame = super()._blame(before, after, chosen, counted)
         roots = np.sqrt(self._widenings(after, chosen))
-        return replace(blame, covariance=blame.covariance * np.outer(roots, roots))
+        covariance = blame.covariance * np.outer(roots, roots)
+        return replace(blame, covariance=covariance + self._by_moments(after, chosen))
+
+    def _by_moments(self, after: Solved, chosen: Sequence[int]) -> float:
+        """Return the variance of a rotor inertia, the last cause, by errors of the moments of inertia of the bodies.
+
+        Weights tell the deviations of the prior from masses and first moments, which may be far better.
+        """
+        if self.causes[chosen[-1]].name != "rotor inertia":
+            return 0.0
+        slot, (_, shares, _) = self._slot(chosen, -1)[0], self._found[tuple(chosen)]
+        by_mean = after.covariance[slot, self._known.places] / self._known.variances(shares)
+        return float(np.sum((by_mean @ self._known.moment_errors()) ** 2))
+
+    def blames(self) -> tuple[Blame, ...]:
+        """Return the causes that are sure; the figures of each are those beside all others."""
+        found = super().blames()
+        numbers = [next(k for k, one in enumerate(self.causes) if one is blame.cause) for blame in found]
+        told = []
+        for blame, k in zip(found, numbers, strict=True):
+            beside = [*(other for other in numbers if other != k), k]
+            last = (
+                blame
+                if k == numbers[-1]
+                else self._blame(self.fit([]), self.fit(beside), beside, self.worths([beside])[0])
+            )
+            told.append(replace(blame, values=last.values, covariance=last.covariance, freedom=last.freedom))
+        return tuple(told)
 
     def distinct(self, after: Solved, chosen: Sequence[int]) -> float:
         # a quasi-likelihood: logarithms of likelihoods count less by as much (McCullagh and Nelder 1989, chapter 9)

@@ -34,6 +34,9 @@ CONTRADICTS = 1e-3
 #: Relative standard deviations of a robot model at least.
 LEAST = 1e-5
 
+#: Relative standard deviation of moments of inertia about the centre of mass, of which weights tell nothing.
+MOMENTS = 0.4
+
 
 @dataclass(frozen=True)
 class KnownBodies:
@@ -71,6 +74,10 @@ class KnownBodies:
         """Return how many errors of the bodies the torques tell, from which their deviations were found."""
         return np.inf
 
+    def moment_errors(self) -> Array:
+        """Return what errors of moments of inertia of one standard deviation do to the combinations, shape (s, m)."""
+        return np.zeros((len(self.places), 0))
+
 
 @dataclass(frozen=True)
 class NominalBodies(KnownBodies):
@@ -83,9 +90,14 @@ class NominalBodies(KnownBodies):
         values: The mean, shape (s,).
         common: Variance of the combinations for relative errors of one that links have in common, shape (s,); that for
             relative errors of one of the single parameters is 1.
+        moments: What the moments of inertia of each link about its centre of mass do to the combinations, shape (s, m).
     """
 
     common: Array
+    moments: Array
+
+    def moment_errors(self) -> Array:
+        return MOMENTS * self.moments
 
     def variances(self, shares: Array) -> Array:
         return shares[0] ** 2 * self.common + shares[1] ** 2
@@ -143,7 +155,9 @@ def known_bodies(estimate: Estimate, model: DynamicModel, base: BaseParameters) 
     return KnownBodies(np.array(places, dtype=np.int64), factor, mixing @ estimate.beta[bodies] + np.array(added))
 
 
-def nominal_bodies(model: DynamicModel, base: BaseParameters, robot: Robot, rotors_known: bool) -> NominalBodies | None:
+def nominal_bodies(
+    model: DynamicModel, base: BaseParameters, robot: Robot, asked: frozenset[str]
+) -> NominalBodies | None:
     """Return the bodies of a robot model as known up to relative errors; None where it states none that count.
 
     All ten parameters of a link are off by a common share, and each by one of its own: the mass by a share of it, the
@@ -156,7 +170,7 @@ def nominal_bodies(model: DynamicModel, base: BaseParameters, robot: Robot, roto
         model: The model of the quick fit.
         base: Its base parameters.
         robot: The robot with its stated rotor inertias.
-        rotors_known: Whether these count; else they are to be identified.
+        asked: Joints whose rotor inertias are to be identified; those of the others are as stated.
     """
     theta = model.nominal()
     if theta is None:
@@ -166,8 +180,8 @@ def nominal_bodies(model: DynamicModel, base: BaseParameters, robot: Robot, roto
     if not np.any(bodies[:, -1] > 0):
         return None
     errors = body_errors(bodies)
-    free = ("friction",) if rotors_known else ("friction", "rotor")
-    unknown = np.array([parameter.kind in free for parameter in model.parameters])
+    kinds = [(parameter.kind, parameter.owner in asked) for parameter in model.parameters]
+    unknown = np.array([kind == "friction" or (kind == "rotor" and is_asked) for kind, is_asked in kinds])
     held = (base.independent < count) & ~np.any(base.matters[:, unknown], axis=1)
     places = np.flatnonzero(held)
     if not len(places):
@@ -179,7 +193,17 @@ def nominal_bodies(model: DynamicModel, base: BaseParameters, robot: Robot, roto
     directions, sizes, _ = np.linalg.svd(root @ whole)
     common = np.zeros(len(places))
     common[: len(sizes)] = sizes**2
-    return NominalBodies(places, directions.T @ root, mixing @ with_rotors(theta, model, robot), common)
+    factor = directions.T @ root
+    moments = np.stack([mixing[:, TEN * i : TEN * i + 6] @ _own_moments(body) for i, body in enumerate(bodies)], axis=1)
+    return NominalBodies(places, factor, mixing @ with_rotors(theta, model, robot), common, factor @ moments)
+
+
+def _own_moments(body: Array) -> Array:
+    """Return the moments of inertia of a body (10,) about its centre of mass, shape (6,)."""
+    if body[-1] <= 0.0:
+        return body[:6]
+    x, y, z = body[6:9] / np.sqrt(body[-1])
+    return body[:6] - np.array([y * y + z * z, -x * y, -x * z, x * x + z * z, -y * z, x * x + y * y])
 
 
 def _root_of_inverse(covariance: Array) -> Array:

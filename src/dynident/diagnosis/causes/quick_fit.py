@@ -292,12 +292,13 @@ def thin_fit(case: Case, log: Log) -> QuickFit | None:
     """Return the fit of a sound log, of which no rows are made yet; None where it has no torques or no uniform time."""
     if log.torque is None:
         return None
-    known = bool(np.any(case.robot.reflected_inertia))
+    known = {joint.name for joint in case.robot.active if joint.drive.reflected_inertia}
+    rotors = tuple(name for name in case.robot.joint_names if name in known | asked_inertias(case))
     own = {FRICTION.name_of(part): part for part in case.friction if part.joints is None and part.is_default}
     parts = [own.get(name) or FRICTION.make(name) for name in default_friction()]
     friction = [each for part in parts for each in _by_kind(part, case.robot)]
-    if known or asks_inertia(case):
-        friction.append(RotorInertia())
+    if rotors:
+        friction.append(RotorInertia(joints=None if len(rotors) == case.robot.dof else rotors))
     friction += [part for part in case.friction if _is_spring(part)]
     model = DynamicModel(_without_rotors(case.robot) if known else case.robot, tuple(friction))
     cutoff = min(CUTOFF_HZ, case.preprocessing.filter.bandwidth() or CUTOFF_HZ)
@@ -347,14 +348,11 @@ def _by_kind(part: Friction, robot: Robot) -> list[Friction]:
     return [replace(part, joints=hinges), *slow] if hinges else slow
 
 
-def asks_inertia(case: Case) -> bool:
-    """Return whether the friction of a case has a part for the inertia of rotors, or may choose one."""
-    return case.choose_friction or has_inertia(case.friction)
-
-
-def has_inertia(friction: Sequence[Friction]) -> bool:
-    """Return whether one of some friction parts is the inertia of rotors."""
-    return any(all(part.is_inertia) for part in friction)
+def asked_inertias(case: Case) -> frozenset[str]:
+    """Return the joints for whose rotors the friction of a case has a part, or may choose one."""
+    every = case.robot.joint_names
+    parts = [every if part.joints is None else part.joints for part in case.friction if all(part.is_inertia)]
+    return frozenset(every if case.choose_friction else (name for joints in parts for name in joints))
 
 
 def beyond_quick_fit(case: Case) -> list[Friction]:

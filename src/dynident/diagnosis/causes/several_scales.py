@@ -130,9 +130,16 @@ def _lowered(fit: QuickFit, start: Array) -> Array:
 
 
 def _as_few(fit: QuickFit, scales: Array) -> Array:
-    """Return scales (n,) with the common factor that most joints have taken out, and those that matter alone."""
+    """Return scales (n,) with a common factor taken out, that of the joint with which the fewest differ from one."""
     near = np.abs(scales[:, None] - scales) < np.log(FACTOR)
-    kept = scales - np.median(scales[near[int(np.argmax(near.sum(axis=0)))]])
+    most = np.flatnonzero(near[int(np.argmax(near.sum(axis=0)))])
+    found = [_pruned(fit, scales - scales[k]) for k in most]
+    return min(found, key=lambda x: (np.count_nonzero(x), float(_scores(fit, x[None])[0])))
+
+
+def _pruned(fit: QuickFit, scales: Array) -> Array:
+    """Return scales (n,) with those alone that matter, the others one."""
+    kept = scales
     for k in np.argsort(np.abs(kept)):
         without = np.where(np.arange(len(kept)) == k, 0.0, kept)
         before, after = _scores(fit, np.array([without, kept]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from dynident.case.evidence.torques import agrees
 from dynident.diagnosis.causes.cause_search import MANY, Blame
+from dynident.diagnosis.causes.frame_search import TURNED_AXIS
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
-from dynident.diagnosis.causes.trends import leaned
-from dynident.diagnosis.finding import Finding, Severity
+from dynident.diagnosis.causes.trends import Trends, leaned
+from dynident.diagnosis.finding import Finding, Severity, listed
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Joint
 
@@ -26,6 +27,9 @@ FAR_SCALE = 0.5
 
 #: Share of the torque above which a cause is a column that others nearly cancel.
 ABSURD = 10.0
+
+#: Share of a joint's torque below which a delay of its own is not told.
+LATE = 0.01
 
 #: Half the change of the squared speed of a clock from which it is not told.
 FAR_CLOCK = 0.25
@@ -56,6 +60,28 @@ def rival_findings(blame: Blame, fit: QuickFit, scale_of: ScaleOf = lambda joint
     return [replace(finding, severity="note", evidence=told + finding.evidence, beside=beside) for finding in found]
 
 
+def standing(trends: Trends, blames: Sequence[Blame]) -> tuple[list[Finding], list[Blame]]:
+    """Return what is said of axes of the robot model, and the causes with the rivals that stand beside them.
+
+    Where a rotor inertia or a grave cause may be an axis that is off, all are judged beside the axes as well. A rotor
+    inertia does not stand beside a surer delay of its joint's torque, of which it would take the rest in.
+    """
+    every = [each for blame in blames for each in (blame, *blame.rivals)]
+    doubted = any(each.cause.name == "rotor inertia" or is_grave(each) for each in every)
+    frames = trends.frames if doubted else ()
+    late = {blame.cause.joint: blame.certainty for blame in blames if blame.cause.name == "torque delay"}
+
+    def stands(blame: Blame) -> bool:
+        if blame.cause.name == "rotor inertia" and (
+            late.get(blame.cause.joint, 0.0) > blame.certainty or trends.is_of_lag(blame.cause)
+        ):
+            return False
+        return not frames or trends.is_sure_beside_frames(blame.cause)
+
+    kept = [replace(blame, rivals=tuple(filter(stands, blame.rivals))) for blame in blames if stands(blame)]
+    return frame_findings(frames), kept
+
+
 def sureness(blame: Blame) -> float:
     """Return how many deviations the coefficients of a cause are away from zero, all together, as a normal deviate."""
     squares = float(blame.values @ np.linalg.solve(blame.covariance, blame.values))
@@ -77,7 +103,9 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
         speed = float(np.sqrt(1.0 + 2.0 * blame.values[0]))
         return replace(blame, values=np.array([speed - 1.0]), covariance=blame.covariance / speed**2)
     if blame.cause.name != "torque scale":
-        return None if blame.size > ABSURD or (blame.cause.is_positive and blame.values[0] <= 0.0) else blame
+        none = blame.size > ABSURD or (blame.cause.is_positive and blame.values[0] <= 0.0)
+        none = none or (blame.cause.name == "torque delay" and (blame.size < LATE or sureness(blame) < TOLD))
+        return None if none else blame
     scale = scale_of(blame.cause.joint)
     if scale is None:
         value = float(blame.values[0])
@@ -145,7 +173,9 @@ def _rotor_inertia(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     evidence = (
         f"the residual is proportional to the acceleration, {blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} {unit}"
     )
-    return evidence, "add rotor_inertia to friction:, the inertia of a geared motor as its joint feels it"
+    others = any(parameter.kind == "rotor" for parameter in fit.model.parameters)
+    part = f"rotor_inertia{f': {{joints: [{blame.cause.joint}]}}' * others}"
+    return evidence, f"add {part} to friction:, the inertia of a geared motor as its joint feels it"
 
 
 def _wave(blame: Blame) -> tuple[float, float, float]:
@@ -225,6 +255,42 @@ def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     return evidence, f"check gain and gear ratio ({key}), or the masses of the robot model"
 
 
+def _torque_delay(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    late, half = (1e3 * float(each[0]) for each in (blame.values, blame.half_widths))
+    evidence = f"its torque {'lags' if late > 0 else 'leads'} {abs(late):.3g} +- {half:.2g} ms against positions"
+    remedy = "shift its column by as much: its filter or clock differs from that of the other joints"
+    return evidence, f"{remedy} (preprocessing: delay_s shifts all joints alike)"
+
+
+def frame_findings(frames: Sequence[Blame]) -> list[Finding]:
+    """Return what is said of axes that are turned or displaced in the robot model; nothing where none is.
+
+    A link's frame that is turned turns the axes of all joints after it.
+    """
+    if not frames:
+        return []
+    told, best = [], max(frames, key=lambda blame: blame.certainty)
+    numbers = {"t": best.certainty, "share": best.share}
+    for blame in frames:
+        size, is_turned = float(np.linalg.norm(blame.values)), blame.cause.name == TURNED_AXIS
+        numbers[f"{'angle_deg' if is_turned else 'distance_m'} {blame.cause.joint}"] = (
+            float(np.degrees(size)) if is_turned else size
+        )
+        by = f"turned by about {np.degrees(size):.2g} degrees" if is_turned else f"off by about {1e3 * size:.2g} mm"
+        told.append(f"{blame.cause.joint} {by}")
+    evidence = (
+        f"the residual is that of axes which are off in the robot model: {', '.join(told)} (t = "
+        f"{best.certainty:.0f}, {100 * best.share:.0f} % of a joint's residual variance)"
+    )
+    remedy = (
+        "compare axes and origins of the robot model with the drawing of the robot, from the first of these joints on, "
+        "and check again: figures of other causes depend on them"
+    )
+    joints = listed(tuple(dict.fromkeys(blame.cause.joint for blame in frames)))
+    severity: Severity = "warning" if any(map(is_grave, frames)) else "note"
+    return [Finding(severity, "link frame", joints, evidence, remedy, numbers, ("inconsistent links",))]
+
+
 def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     gravity = np.asarray(fit.model.robot.gravity)
     lean = blame.values[:2]
@@ -244,6 +310,7 @@ _TEXTS: dict[str, Callable[[Blame, QuickFit], tuple[str, str]]] = {
     "friction curve": _friction_curve,
     "time scale": _time_scale,
     "torque scale": _torque_scale,
+    "torque delay": _torque_delay,
     "tilt": _tilt,
 }
 

@@ -12,13 +12,15 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_figures import figure_beside, figured
-from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
+from dynident.diagnosis.causes.cause_search import CHANCE, Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import frame_errors
+from dynident.diagnosis.causes.frame_search import axes_off, blames_beside_frames
 from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.model_error import FitErrors, ModelError
-from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit, has_inertia
+from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.residuals.quantiles import chi_square_tail
 
 #: Step of the finite difference by the clock, a share.
 CLOCK_STEP = 1e-3
@@ -44,6 +46,43 @@ class Trends:
         return self._figured[0] if self._found else ()
 
     @cached_property
+    def frames(self) -> tuple[Blame, ...]:
+        """Axes of the robot model that are surely off, from the base on; none where one is off by too much."""
+        return axes_off(self._beside_frames, self.fit.model.robot)
+
+    def is_sure_beside_frames(self, cause: Cause) -> bool:
+        """Return whether a cause is sure where axes of the robot model may be off as well, or no axis explains it."""
+        others = {(one.name, one.joint) for one in self.causes} - {("friction drift", "")}
+        beside = {(blame.cause.name, blame.cause.joint) for blame in self._beside_frames}
+        key = (cause.name, cause.joint)
+        return key in beside or key not in others or cause.name == "friction curve"
+
+    def is_of_lag(self, cause: Cause) -> bool:
+        """Return whether a rotor inertia takes in a time lag of all that its joint's torque has, friction too.
+
+        It is not sure beside a column of that then. One that free bodies take in is no part of it.
+        """
+        numbers = {(one.name, one.joint): k for k, one in enumerate(self._lags.causes)}
+        own, found = numbers[cause.name, cause.joint], {(each.cause.name, each.cause.joint) for each in self._found}
+        others = [*(numbers[key] for key in found if numbers[key] != own), numbers["lag", cause.joint]]
+        if (cause.name, cause.joint) not in found:
+            return False
+        before, after = self._lags.fit(others), self._lags.fit([*others, own])
+        ((worth, _),) = self._lags.worths([(*others, own)])
+        ratio = float(worth @ np.log(before.variances / after.variances)) * (after.beta[-1] > 0.0)
+        return bool(len(numbers) * chi_square_tail(ratio, 1) > CHANCE)
+
+    @cached_property
+    def _lags(self) -> CauseSearch:
+        names, slope = self.fit.model.robot.joint_names, self._slope(self.fit.plain.beta)
+        every = [_cause("lag", name, self._at_joint(i, slope[:, i])) for i, name in enumerate(names)]
+        return CauseSearch(self._rows, [*self.causes, *self._filtered(every)], self._rows.shared)
+
+    @cached_property
+    def _beside_frames(self) -> tuple[Blame, ...]:
+        return blames_beside_frames(self.fit, self._rows, self.causes, self._error)
+
+    @cached_property
     def criterion(self) -> float:
         """Schwarz's criterion of the fit with these causes: the lower, the likelier are the rows and the causes."""
         worth, causes = self._rows.worth, [blame.cause for blame in self._found]
@@ -67,7 +106,7 @@ class Trends:
     @cached_property
     def delay(self) -> tuple[float, float]:
         """Delay of the torque in s that is left beside these causes, and its standard deviation by all errors."""
-        slope = _cause("torque delay", "", -np.gradient(self._predicted, np.asarray(self._log.time), axis=0))
+        slope = _cause("torque delay", "", self._slope(self.fit.plain.beta))
         causes = [blame.cause for blame in self.blames]
         return figure_beside(self._rows, causes, self._filtered([slope])[0], self._error)
 
@@ -125,10 +164,11 @@ class Trends:
         sign, q = np.tanh(self._speed / rest_speeds(self.fit.model.robot, WIDTH)), np.asarray(self._log.q)
         load = np.abs(self.fit.regressor.predict(self._log, self._bodies(self.fit.plain.beta)))
         told = judged(self.fit.rows.masks)
-        has_rotors = has_inertia(self.fit.model.friction)
         found_later = [part for part in self.fit.model.friction if part.is_of_position and part.vary]
         bent = {name for part in found_later for name in part.joints or names}  # by springs whose fields the fit finds
+        rotors = {parameter.owner for parameter in self.fit.model.parameters if parameter.kind == "rotor"}
         inertial = np.asarray(self._log.ddq) @ self._coupling.T
+        late = self._slope(self._bodies(self.fit.plain.beta))  # friction that turns early has columns of its own
         for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
             if not told[i]:
                 continue
@@ -139,7 +179,7 @@ class Trends:
                 yield _cause(
                     "counterbalance", name, self._at_joint(i, np.sin(q[:, i])), self._at_joint(i, np.cos(q[:, i]))
                 )
-            if not has_rotors:
+            if name not in rotors:
                 yield replace(_cause("rotor inertia", name, self._at_drive(i, inertial[:, i])), is_positive=True)
             speed = self._speed[:, i]
             size = np.abs(speed)
@@ -149,15 +189,17 @@ class Trends:
             curves = (speed * size, root, loaded, size, turn * inertial[:, i], flank)
             yield _cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
             yield Cause("torque scale", name, self._own_torque(i)[None], is_filtered=True)
+            if not self.fit.how.delay_s:  # else those of some joints would take the delay of all back
+                yield _cause("torque delay", name, self._at_joint(i, late[:, i]))
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
         yield _cause("friction drift", "", *warm)
         yield self._clock(self.fit.plain.beta)
         if np.any(self.fit.model.robot.gravity):
             yield self._tilt(self.fit.plain.beta)
 
-    @cached_property
-    def _predicted(self) -> Array:
-        return self.fit.regressor.predict(self._log, self.fit.plain.beta)
+    def _slope(self, beta: Array) -> Array:
+        """Return what a delay of the torques by 1 s adds to them, as a straight line, shape (N, n)."""
+        return -np.gradient(self.fit.regressor.predict(self._log, beta), np.asarray(self._log.time), axis=0)
 
     def _bodies(self, beta: Array) -> Array:
         """Return base parameters (b,) without friction."""

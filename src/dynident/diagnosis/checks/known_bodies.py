@@ -11,8 +11,17 @@ import numpy as np
 from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import KnownBodies, nominal_bodies, with_rotors
-from dynident.diagnosis.causes.quick_fit import asks_inertia
-from dynident.diagnosis.causes.trend_findings import NARROW, TOLD, TRENDS, Z95, believed, sureness, trend_finding
+from dynident.diagnosis.causes.quick_fit import asked_inertias
+from dynident.diagnosis.causes.trend_findings import (
+    NARROW,
+    TOLD,
+    TRENDS,
+    Z95,
+    believed,
+    standing,
+    sureness,
+    trend_finding,
+)
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
@@ -20,6 +29,9 @@ from dynident.diagnosis.finding import Finding, Severity
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
 #: figure, in which the errors of the known bodies count, from which it is one.
 MATTERS, SURE = 0.1, 5.0
+
+#: Causes of which free bodies may give the better figure.
+FREE = ("time scale", "tilt", "rotor inertia")
 
 
 @dataclass(frozen=True)
@@ -35,7 +47,7 @@ class KnownBodiesCheck(Check):
             return []
         found = [] if earlier is None else _findings(subject, trends, earlier, "against the earlier estimate: ")
         model, base, robot = trends.fit.model, trends.fit.base, subject.case.robot
-        nominal = nominal_bodies(model, base, robot, not asks_inertia(subject.case))
+        nominal = nominal_bodies(model, base, robot, asked_inertias(subject.case))
         theta = model.nominal()
         if nominal is None or theta is None:
             return found
@@ -46,16 +58,23 @@ class KnownBodiesCheck(Check):
 
 def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: str) -> list[Finding]:
     against = AgainstBodies(trends, known)
-    told = {(one.cause.name, one.cause.joint) for one in trends.blames if one.cause.name in ("time scale", "tilt")}
-    return [
+    free = {(one.cause.name, one.cause.joint): one for one in trends.blames if one.cause.name in FREE}
+    frames, blames = standing(trends, against.search.blames())
+    return frames + [
         _finding(each, None if each is blame else blame, against, words)
-        for blame in against.search.blames()
+        for blame in blames
         for each in (blame, *blame.rivals)
-        if (each.cause.name, each.cause.joint) not in told  # of which the free bodies give the better figure
+        if not _is_better(free.get((each.cause.name, each.cause.joint)), each)
         and each.cause.name not in subject.described
         and believed(each) is not None
         and sureness(each) > TOLD
     ]
+
+
+def _is_better(free: Blame | None, held: Blame) -> bool:
+    """Return whether free bodies give the better figure of a cause; of a rotor inertia, the narrower interval."""
+    is_rotor = held.cause.name == "rotor inertia"
+    return free is not None and (not is_rotor or bool(free.half_widths[0] < held.half_widths[0]))
 
 
 def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: str) -> Finding:

@@ -6,7 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.diagnosis.causes.trend_findings import TRENDS, believed, rival_findings, trend_finding
+from dynident.diagnosis.causes.trend_findings import (
+    TRENDS,
+    believed,
+    rival_findings,
+    standing,
+    trend_finding,
+)
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
 
@@ -22,9 +28,10 @@ class ResidualTrends(Check):
         trends = subject.trends
         if trends is None:
             return []
-        return [
+        frames, blames = standing(trends, trends.blames)
+        return frames + [
             finding
-            for blame in trends.blames
+            for blame in blames
             if blame.cause.name not in subject.described
             for told in [believed(blame, subject.trend_scale)]
             if told is not None
