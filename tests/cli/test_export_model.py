@@ -105,7 +105,7 @@ def test_what_was_simulated_is_shown(exact_log: Callable[..., Log], capsys: Capt
     assert main(["export", "estimate.json", "--to", "json", "-o", "arm.json", "--prove", "--motion", "run.csv"]) == 0
     shown, _ = capsys.readouterr()
     assert "motion: 1.98 s of run.csv from 0 s on, low-pass filtered at 10 Hz" in shown
-    assert re.search(r"^dynident +computed_torque +1 +1\.98 +\S+ +\S+ % +none$", shown, re.MULTILINE)
+    assert re.search(r"^dynident +computed_torque +1 +1\.98 +\S+ +\S+ % +no$", shown, re.MULTILINE)
     assert "condition number of M(q) along the motion: median " in shown
 
 

@@ -313,6 +313,26 @@ def test_a_header_in_windows_1252_is_read_and_noted(tmp_path, sign):
     assert "Windows" not in open_table(path, sign).how
 
 
+@pytest.mark.parametrize(
+    ("words", "encoding"),
+    [("时间,关节1位置", "gbk"), ("t,関節1トルク", "shift_jis"), ("t,トルク", "shift_jis"), ("время,q1", "cp1251")],
+)
+def test_a_header_in_another_encoding_is_refused_and_read_as_utf_8(tmp_path, words, encoding):
+    path = tmp_path / "run.csv"
+    path.write_bytes(f"# C\n{words}\n0,1\n1,2\n".encode(encoding, "ignore"))
+    with pytest.raises(LogFormatError, match=r"run.csv:2: GBK or Shift-JIS, not UTF-8; save it as CSV UTF-8"):
+        open_table(path)
+    path.write_text(f"{words}\n0,1\n1,2\n", encoding="utf-8")
+    assert open_table(path).header == tuple(words.split(","))
+
+
+def test_names_of_the_west_in_windows_1252_are_no_other_encoding(tmp_path):
+    path = tmp_path / "run.csv"
+    for words in ("Zeit [µs];Größe [°];Übung±1", "durée;déçu – «été»;‰"):
+        path.write_bytes(f"{words}\n0;1;2\n1;2;3\n".encode("cp1252"))
+        assert open_table(path).header == tuple(words.split(";"))
+
+
 def test_a_foreign_byte_far_into_the_file_is_found_across_blocks(tmp_path, monkeypatch):
     monkeypatch.setattr(_text_table, "CHUNK", 7)
     path = tmp_path / "run.csv"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+import textwrap
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dynident.cli import console
-from dynident.results.table_width import GAP, fit_width
+from dynident.results.table_width import GAP, fit_width, wrap_text
 from dynident.results.text import Column, Table, display_width, plain
 
 Capture = pytest.CaptureFixture[str]
@@ -88,3 +89,19 @@ def test_nothing_is_lost_and_nothing_is_wider_than_the_terminal(cells: list[tupl
         total = sum(widths) + GAP * (len(widths) - 1)
         assert total <= width or len(widths) <= 2
         assert max(widths) >= longest
+
+
+@pytest.mark.parametrize("word", ["joint_1", "关节一", "関節トルク", "größe", "조인트"])
+def test_wrapped_lines_count_wide_characters_twice(word: str) -> None:
+    text = " ".join(f"{word}{k}:" for k in range(30))
+    lines = wrap_text(text, 40)
+    assert max(map(display_width, lines)) <= 40 and len(lines) > 1
+    assert " ".join(line.strip() for line in lines) == text
+    assert all(line.startswith("  ") for line in lines[1:])
+    if word.isascii():
+        assert lines == textwrap.wrap(text, 40, subsequent_indent="  ", break_on_hyphens=False)
+
+
+def test_a_word_that_is_wider_than_a_line_is_broken_or_stands() -> None:
+    assert max(map(display_width, wrap_text("关节" * 30, 21))) <= 21
+    assert wrap_text("关节" * 30, 21, break_long_words=False) == ["关节" * 30]

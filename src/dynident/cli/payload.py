@@ -89,6 +89,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -> None:
+    from dynident.applications.payload.vendor_forms import unplaced_step
     from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
 
@@ -124,7 +125,7 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
         for name, text in forms.items():
             console.answer(f"  {name}: {text}")
     else:
-        unknown = ", ".join(one.name for one in (found.mass, *found.centre) if not one.known)
-        console.answer(f"\nno form for controllers: {unknown} not determined well enough")
+        unknown = ", ".join(found.unknown)
+        console.answer(f"\nno form for controllers: {unknown} not determined well enough; {unplaced_step(found)}")
     for remark in found.remarks:
         console.answer(f"remark: {remark}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -16,6 +15,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.residuals.quantiles import student_share
 from dynident.results.short_answer import error_lines, summary_lines
+from dynident.results.table_width import wrap_text
 from dynident.results.text import (
     Column,
     Table,
@@ -50,7 +50,7 @@ def summary_text(estimate: Estimate, test: Validation | None = None) -> str:
     if test is not None and not isinstance(test, Validation):
         step = "give a Validation: estimate.summary(di.validate(estimate, log))"
         raise BadArgument("test", f"{type(test).__name__} where a Validation is wanted", step)
-    facts = [textwrap.fill(line, WIDTH, subsequent_indent="  ") for line in _facts(estimate, test)]
+    facts = [line for fact in _facts(estimate, test) for line in wrap_text(fact, WIDTH) or [fact]]
     lines = [*facts, ""]
     for title, validation in (("test data", test), ("training data", estimate.train)):
         if validation is not None:

@@ -15,15 +15,15 @@ def followed_line(proof: MotionProof) -> str:
 
 
 def runs_table(proof: MotionProof) -> Table:
-    """Return the runs: simulator, controller, steps, length, the largest position error and whether it diverged."""
+    """Return the runs: simulator, controller, step, length of the motion, largest error, and whether it diverged."""
     columns = (
         Column("simulator"),
         Column("controller"),
         Column("step", "ms", numeric=True),
-        Column("followed", "s", numeric=True),
+        Column("motion", "s", numeric=True),
         Column("largest error", "rad or m", numeric=True),
         Column("of the span", numeric=True),
-        Column("divergence"),
+        Column("diverged"),
     )
     rows = [_row(run) for run in proof.runs if not run.why_not]
     note = "error: of a position; span: of the joint's motion, 0.1 rad or m at least; torques have no limits"
@@ -40,7 +40,7 @@ def _row(run: FollowedMotion) -> tuple[str, ...]:
         f"{run.duration:.3g}",
         format_number(error, 2),
         format_percent(share),
-        label(run.failure) if run.failure else "none",
+        label(run.failure) if run.failure else "no",
     )
 
 

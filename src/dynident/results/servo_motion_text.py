@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from shlex import quote
 from typing import Final
@@ -13,6 +12,7 @@ from dynident.actuators.command_files import ServoMotions
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.servo_excitation import JointExcitation
 from dynident.actuators.verdict import EXPERIMENTS, SCALE, Known, lacks_scale, unit_of
+from dynident.results.table_width import wrap_text
 from dynident.results.text import MISSING, Column, Table, counted, format_number, format_percent, pretty_unit
 
 #: Parameters whose half width is shown as it is, with the factor and the unit; others as a share of the value.
@@ -116,7 +116,7 @@ def _of(joints: Sequence[str], found: ServoMotions) -> str:
 
 def wrapped(text: str) -> list[str]:
     """Return a text as lines of 80 columns, those behind the first set in."""
-    return textwrap.wrap(text, 80, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    return wrap_text(text, 80, break_long_words=False)
 
 
 def unknown_lines(found: ServoMotions) -> list[str]:

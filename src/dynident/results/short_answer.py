@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +14,7 @@ from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Z_95, Validation
 from dynident.results.nominal import LinkChange, errors_table, link_changes, missing_reason
 from dynident.results.plausibility import plausibility_lines, plausible_words
+from dynident.results.table_width import wrap_text
 from dynident.results.text import (
     Column,
     Table,
@@ -244,7 +244,7 @@ def _clauses(text: str, width: int) -> list[str]:
         text[:end] for end in ends if end > len("warning: ") and text.count("(", 0, end) == text.count(")", 0, end)
     ]
     for shown in (text, *(f"{kept} …" for kept in reversed(whole))):
-        lines = textwrap.wrap(shown, width, subsequent_indent="  ", break_on_hyphens=False)
+        lines = wrap_text(shown, width)
         if len(lines) <= LINES:
             return lines
     return [shorten(text, width)]

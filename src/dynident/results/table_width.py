@@ -1,7 +1,8 @@
-"""Tables in a terminal of limited width: names stay whole, details go first, the rest stands below."""
+"""Tables and lines in a terminal of limited width: names stay whole, details go first, the rest stands below."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,25 @@ from dynident.results.text import Table, display_width, heading_text
 
 #: Blanks between two columns.
 GAP = 2
+
+#: Stands behind each wide character while lines are wrapped, so that it counts twice.
+_HALF = "\0"
+
+
+def wrap_text(text: str, width: int, break_long_words: bool = True) -> list[str]:
+    """Return a text as lines of at most ``width`` columns of a terminal, those behind the first set in by two.
+
+    Args:
+        text: The text; wide characters take two columns.
+        width: Columns of a line.
+        break_long_words: Whether a word that is wider than a line is broken; else it stands whole.
+    """
+    counted = "".join(letter + _HALF * (display_width(letter) - 1) for letter in text)
+    width -= _HALF in counted  # a word may be broken within a letter, which then stands in the next line
+    lines = textwrap.wrap(
+        counted, width, subsequent_indent="  ", break_long_words=break_long_words, break_on_hyphens=False
+    )
+    return [line.replace(_HALF, "") for line in lines]
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,12 @@ class CarriedLoad:
     @property
     def placed(self) -> bool:
         """Whether mass and centre of mass are identified."""
-        return self.mass.known and all(one.known for one in self.centre)
+        return not self.unknown
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Names of mass and coordinates of the centre of mass that are not identified."""
+        return tuple(one.name for one in (self.mass, *self.centre) if not one.known)
 
     def figures(self) -> dict[str, Any]:
         """Return everything as plain data."""

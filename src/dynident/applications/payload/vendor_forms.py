@@ -16,6 +16,13 @@ from dynident.errors import BadOption
 from dynident.model.inertia import Inertia
 
 
+def unplaced_step(load: CarriedLoad) -> str:
+    """Return what to do where mass or centre of mass are not determined."""
+    mass = ", or state --mass" if not load.mass.known else ""
+    centre = "; where no axis does, as along the axes of a SCARA, enter a measured centre of mass in the controller"
+    return f"record larger and faster motions that turn the payload against gravity{mass}{centre}"
+
+
 def vendor_forms(load: CarriedLoad) -> dict[str, str]:
     """Return the payload as a command or declaration by vendor.
 
@@ -26,9 +33,7 @@ def vendor_forms(load: CarriedLoad) -> dict[str, str]:
         BadOption: Mass or centre of mass are not determined.
     """
     if not load.placed:
-        unknown = [one.name for one in (load.mass, *load.centre) if not one.known]
-        step = "record a run with larger and faster motions of the wrist, or state --mass"
-        raise BadOption("payload", f"{', '.join(unknown)} not determined well enough", step)
+        raise BadOption("payload", f"{', '.join(load.unknown)} not determined well enough", unplaced_step(load))
     return forms_of(load.body, load.inertia_known)
 
 

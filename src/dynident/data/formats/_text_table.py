@@ -40,6 +40,8 @@ CHUNK = 1 << 20
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 #: Where a comment begins, which an error value of a spreadsheet (#N/A) does not; a number with signs between thousands.
 _COMMENT = re.compile(r"(?<![,;\t])#")
+#: What no name in Windows-1252 has: a row of letters beyond ASCII, or a sign that is the first half of a kana.
+_FOREIGN = re.compile(rb"[\x80-\xff]{4}|[\x81\x83\x88\x8b\x8d\x8f\x90\x98\x9b\x9d]")
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?:[,'\s]\d{3})+\.\d*|(?:[.'\s]\d{3})+,\d*|([.,'\s])\d{3}(?:\1\d{3})+)")
 
 
@@ -93,8 +95,7 @@ class TextTable(LogTable):
     def _parsed(self, lines: Sequence[str], before: int, wanted: Sequence[int]) -> Array:
         """Return the wanted columns of some lines, of which ``before`` stand before them in the file."""
         try:
-            points = lines if self.decimal == "." else self._with_points(lines)
-            return self._loaded(points)[:, wanted]
+            return self._loaded(lines if self.decimal == "." else self._with_points(lines))[:, wanted]
         except (ValueError, IndexError):
             return self.careful(wanted, self.held(enumerate(lines, before + 1)))
 
@@ -138,8 +139,7 @@ class TextTable(LogTable):
     def held(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
         """Yield the lines that hold a row."""
         for number, line in lines:
-            text = _COMMENT.split(line, maxsplit=1)[0].rstrip("\r\n")
-            if text.strip():
+            if (text := _COMMENT.split(line, maxsplit=1)[0].rstrip("\r\n")).strip():
                 yield number, text
 
     def careful(self, wanted: Sequence[int], lines: Iterable[tuple[int, str]]) -> Array:
@@ -206,12 +206,11 @@ def open_table(path: str | Path, decimal: str = ".", names: Sequence[str] = ()) 
     except OSError as error:
         raise unreadable(path, error) from error
     _check_header(path, layout)
-    how = f"{DELIMITERS[layout.delimiter]}-separated text, decimal '{decimal}'{encoding}"
     table = TextTable(
         path=str(path),
         sha256=digest,
         header=layout.header,
-        how=how + layout.note,
+        how=f"{DELIMITERS[layout.delimiter]}-separated text, decimal '{decimal}'{encoding}{layout.note}",
         line=layout.line,
         delimiter=layout.delimiter,
         decimal=decimal,
@@ -248,14 +247,15 @@ def _check_bytes(path: str | Path) -> tuple[str, str]:
             raise LogFormatError(path, 1, "UTF-16 text, not UTF-8", "save it as CSV UTF-8")
         while chunk := stream.read(CHUNK):
             digest.update(chunk)
-            at = chunk.find(b"\0")
-            if at >= 0:
+            if (at := chunk.find(b"\0")) >= 0:
                 where = line + chunk.count(b"\n", 0, at)
                 raise LogFormatError(path, where, "a binary file, not text", "give a text file, or name its format")
             try:
                 decoder.decode(b"" if note else chunk)
-            except UnicodeDecodeError:
-                note = ", read as Windows-1252"
+            except UnicodeDecodeError as error:
+                note, where = ", read as Windows-1252", line + chunk.count(b"\n", 0, error.start)
+                if _FOREIGN.search(chunk, max(error.start - 3, 0)):
+                    raise LogFormatError(path, where, "GBK or Shift-JIS, not UTF-8", "save it as CSV UTF-8") from None
             line += chunk.count(b"\n")
     return digest.hexdigest(), note
 
