@@ -91,6 +91,7 @@ def test_the_source_has_none_of(figure: str, figures: dict[str, Any]) -> None:
 SMALL = {
     "__main__.py": "what Python runs for -m",
     "actuators/torque_state.py": "refuses logs, where directions only compares",
+    "api/files_of_fit.py": "of verbs and of commands",
     "api/estimate_output.py": "of the commands that write an estimate",
     "api/validate.py": "a verb",
     "arrays.py": "ground of all wings",

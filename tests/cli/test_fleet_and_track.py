@@ -119,6 +119,20 @@ def test_track_names_what_changed_and_writes_the_course(capsys: Capture, tmp_pat
     assert "nothing changed at once" in capsys.readouterr().out
 
 
+def test_friction_below_zero_is_told_to_be_none(
+    planar_2r: Robot, exact_log: Callable[..., Log], capsys: Capture
+) -> None:
+    """A torque that drives a joint on along its speed, and friction that grows."""
+    model = read_case("case.yaml").model
+    assert planar_2r.nominal is not None
+    for viscous, is_below in ((-3.0, True), (3.0, False)):
+        now = np.append(planar_2r.nominal, [1.0, 0.5, 1.0, 0.5 + viscous])
+        log = exact_log(model, now, noise=0.3, seed=11, samples=1500, rate=100.0)
+        write_log(Log(log.joints, log.time, log.q, torque=log.torque), Path("other.csv"))
+        main(["track", "r0.json", "other.csv", "--memory", "5", "--quiet"])
+        assert ("below zero, which no friction is: Fv[joint2];" in capsys.readouterr().out) == is_below
+
+
 def test_what_track_refuses(capsys: Capture) -> None:
     assert "window = 20.0" in refused(capsys, "track", "r0.json", "run1.csv", "--window", "20")
     assert "loosen = 1.0" in refused(capsys, "track", "r0.json", "run1.csv", "--loosen", "1")

@@ -12,6 +12,7 @@ from dynident.case.case import Case
 from dynident.diagnosis.causes.pooled_logs import pooled_fit, pooled_logs
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.examination import examine, examine_logs
+from dynident.diagnosis.verdict import check_warnings
 from dynident.model.friction import Motion
 
 
@@ -154,6 +155,25 @@ def test_what_only_tells_a_log_from_the_others_is_told(trials: list[Trial], tmp_
     (finding,) = [one for one in second.findings if one.name == "unlike other logs"]
     assert finding.severity == "warning" and finding.joint == trials[0].case.robot.joint_names[2]
     assert not any(one.name == "unlike other logs" for each in (first, third, together) for one in each.findings)
+
+
+@pytest.mark.parametrize(("more", "severity"), [(0.2, "note"), (6.0, "warning")])
+def test_a_log_far_from_the_others_is_a_warning_beside_any_other(
+    more: float, severity: str, trials: list[Trial], tmp_path: Path
+) -> None:
+    """All have a spring that the case lacks; friction of one day is somewhat or far above that of the others."""
+    spring = np.array([0.0, 8.0, 0.0])
+    sprung = [one.with_columns(tau=one.columns["tau"] + spring * one.columns["q"]) for one in trials]
+    tau = sprung[1].columns["tau"].copy()
+    tau[:, 2] += more * np.tanh(trials[1].columns["dq"][:, 2] / 0.01)
+    mixed = [sprung[0], sprung[1].with_columns(tau=tau), sprung[2]]
+    found = examine_logs(trials[0].case, written(mixed, tmp_path))
+    (finding,) = [one for one in found[1].findings if one.name == "unlike other logs"]
+    is_warning = severity == "warning"
+    assert finding.severity == severity and (found[1].findings[0] == finding) == is_warning
+    assert ("do not fit it with the others" in finding.remedy) == is_warning
+    quality = [one.figures() for one in found]
+    assert ("unlike other logs" in "".join(check_warnings(quality)[:1])) == is_warning
 
 
 def test_of_two_logs_that_differ_each_is_examined_alone(trials: list[Trial], tmp_path: Path) -> None:

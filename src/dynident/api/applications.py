@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from dynident.api.files_of_fit import file_of_fit
 from dynident.api.given_robots import RobotLike, robot_of
 from dynident.api.validate import read_log
 from dynident.applications import symbolic
@@ -19,7 +20,6 @@ from dynident.applications.tracking import Pace, Tracked, thresholds_of, tracked
 from dynident.case.case import Case
 from dynident.data.log import Log
 from dynident.errors import LogMismatch
-from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
 
@@ -153,7 +153,7 @@ def track(
 
 
 def logs_of_fit(estimate: Estimate) -> list[str]:
-    """Return the logs that the estimate was made from.
+    """Return where the logs are that the estimate was made from, as :func:`file_of_fit` finds them.
 
     Raises:
         LogMismatch: One is not there as it was, or the estimate names none.
@@ -161,9 +161,11 @@ def logs_of_fit(estimate: Estimate) -> list[str]:
     step, found = "name logs without contact or change: --clean LOG ...", []
     for log in estimate.provenance.get("logs", ()):
         path = str(log.get("path", ""))
-        if not path or not Path(path).is_file() or (log.get("sha256") and sha256_of(path) != log["sha256"]):
-            raise LogMismatch(path or "simulated log", "this log of the fit is not there as it was", step)
-        found.append(path)
+        place = file_of_fit(estimate, log)
+        if not place:
+            evidence = "this log of the fit is not there as it was, nor where the estimate or its case lies"
+            raise LogMismatch(path or "simulated log", evidence, step)
+        found.append(place)
     if not found:
         raise LogMismatch("the estimate", "it names no logs", step)
     return found

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dynident.api.case_logs import read_data, seen_logs
+from dynident.api.files_of_fit import file_of_fit
 from dynident.api.given_logs import LogLike, logs_of
 from dynident.applications.standstill import with_rest
 from dynident.applications.start_states import with_starts
@@ -68,7 +69,8 @@ def validate(
 
 def _test_logs(estimate: Estimate) -> Sequence[Log]:
     """Return the test logs of the case file of a fit, or the test part of its split."""
-    path = str(estimate.provenance.get("case", {}).get("path", ""))
+    stated = estimate.provenance.get("case", {})
+    path = file_of_fit(estimate, stated) or str(stated.get("path", ""))
     step = "write di.validate(estimate, log), with a log that had no part in the fit"
     if not path:
         raise BadArgument("logs", "none given, and no case file of the fit to name test logs", step)

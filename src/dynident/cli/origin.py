@@ -59,12 +59,16 @@ def origin_of(estimate: Estimate) -> Origin:
 
 def _read_again(estimate: Estimate) -> Origin:
     from dynident.api.case_logs import read_data
+    from dynident.api.files_of_fit import file_of_fit
     from dynident.cli import jobs
 
     options = _options(estimate.provenance.get("command"))
     if options.triangles or _is_large(estimate):
         raise _Refused("the fit was made from reduced or very large logs")
     options.prior = options.constraints = None  # reading logs takes neither
+    options.case = file_of_fit(estimate, estimate.provenance.get("case", {})) or options.case
+    for names in filter(None, (options.logs, options.test)):
+        names[:] = [_place(estimate, name) for name in names]
     case = jobs.with_logs(jobs.case_from(options), options)
     _check_file(case.path, estimate.provenance.get("case"))
     data = read_data(case)
@@ -108,5 +112,12 @@ def _is_large(estimate: Estimate) -> bool:
     """Say whether the logs of the fit, as far as they are there, are too large to be read into memory once more."""
     from dynident.data.formats import LARGE
 
-    places = [Path(str(log.get("path", ""))) for log in estimate.provenance.get("logs", ())]
+    places = [Path(_place(estimate, str(log.get("path", "")))) for log in estimate.provenance.get("logs", ())]
     return sum(place.stat().st_size for place in places if place.is_file()) > LARGE
+
+
+def _place(estimate: Estimate, name: str) -> str:
+    """Return the first place of a log of the fit, or a folder of them, that is there; its name where none is."""
+    from dynident.api.files_of_fit import places_of_fit
+
+    return next((str(place) for place in places_of_fit(estimate, name) if place.exists()), name)

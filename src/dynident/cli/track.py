@@ -123,6 +123,9 @@ def _show(estimate: Estimate, found: Tracked, clean: Sequence[str], seconds: flo
     console.answer_table(Table(heads, tuple(rows)))
     if len(told) < len(figures["parameters"]):
         console.answer(f"... and {len(figures['parameters']) - len(told)} that moved less; --json has all")
+    if below := found.no_friction(estimate):
+        names = ", ".join(map(label, below))
+        console.answer(f"below zero, which no friction is: {names}; another change shows in it, such as a load")
     console.answer()
     for event in found.events:
         mass = ""

@@ -21,7 +21,7 @@ from dynident.diagnosis.case_lines import with_case_line
 from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, alike_parts, pooled_logs
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.checks import CHECKS, Check, CheckedLog
-from dynident.diagnosis.finding import Finding, Severity, ordered
+from dynident.diagnosis.finding import UNLIKE_OTHERS, Finding, Severity, ordered
 from dynident.diagnosis.recording import Recording, read_recording
 from dynident.diagnosis.repair import Repaired, repair
 from dynident.errors import DynidentError, LogFormatError, LogMismatch
@@ -46,8 +46,9 @@ LONGEST_S, FULL = 1200.0, 3.0
 #: Logs that are named at most where some are examined together.
 NAMED = 4
 
-#: Times by which parameters of the other logs raise the residual of a log from which that is a warning.
-UNLIKE_GRAVELY = 3.0
+#: Times by which parameters of the other logs raise the residual of a log from which that is a warning; and from which
+#: it is one whatever else is found: a cause that all logs share raises the residual of their own parameters as well.
+UNLIKE_GRAVELY, UNLIKE_BY_FAR = 3.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -374,13 +375,14 @@ def _unlike(case: Case, ratios: Array, others_agree: bool, why: bool) -> Finding
     others = "parameters of the other logs" if others_agree else "parameters that logs share"
     evidence = f"with {others} its residual is {times[joint]:.3g} times that with parameters of its own"
     evidence = evidence if others_agree else f"no two logs agree: {evidence}"
-    remedy = (
-        "make sure that load, mounting, gains, zeros and units are those of the other logs, and that the friction "
-        "model holds at its speeds; else give it a case of its own"
-    )
-    severity: Severity = "warning" if times[joint] > UNLIKE_GRAVELY and not why else "note"
+    remedy = "make sure that load, mounting, gains, zeros and units are those of the other logs, and that the friction "
+    remedy += "model holds at its speeds; else give it a case of its own"
+    if is_apart := times[joint] > UNLIKE_BY_FAR:
+        remedy = "do not fit it with the others: give it a case of its own, or make load, mounting, gains, zeros and "
+        remedy += "units those of the others; 'dynident payload ESTIMATE LOG' weighs a tool, by an estimate without it"
+    severity: Severity = "warning" if is_apart or (times[joint] > UNLIKE_GRAVELY and not why) else "note"
     name, numbers = case.robot.joint_names[joint], {"times": float(times[joint])}
-    return Finding(severity, "unlike other logs", name, evidence, remedy, numbers)
+    return Finding(severity, UNLIKE_OTHERS, name, evidence, remedy, numbers)
 
 
 def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Finding]) -> list[Finding]:

@@ -13,6 +13,9 @@ Severity = Literal["error", "warning", "note"]
 #: The severities, the gravest first.
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
+#: Name of the finding of a log that parameters of the others do not explain.
+UNLIKE_OTHERS = "unlike other logs"
+
 #: What follows from a wrong sign, order, scale, coupling or mounting, and is not told beside it.
 CONSEQUENCES = (
     "torque scale",
@@ -98,5 +101,5 @@ def ordered(found: Sequence[Finding], others: Sequence[Finding] = ()) -> tuple[F
     return tuple(sorted(kept, key=_rank))
 
 
-def _rank(finding: Finding) -> int:
-    return SEVERITIES.index(finding.severity)
+def _rank(finding: Finding) -> tuple[int, bool]:
+    return SEVERITIES.index(finding.severity), finding.name != UNLIKE_OTHERS

@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array, finite
 from dynident.case.acceptance import CONDITIONS, CRITERIA, Acceptance
-from dynident.diagnosis.finding import Severity
+from dynident.diagnosis.finding import UNLIKE_OTHERS, Severity
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Z_95, Validation
@@ -86,11 +86,13 @@ class Verdict:
         causes: Findings of the log checks at error level.
         criteria: The acceptance criteria, judged; none where none are stated.
         is_checked: Whether the log checks were made on the logs of the fit.
+        apart: Logs of the fit that parameters of the other ones do not explain, by a warning.
     """
 
     causes: tuple[ErrorFinding, ...]
     criteria: tuple[AcceptanceCriterion, ...]
     is_checked: bool
+    apart: tuple[str, ...] = ()
 
     @property
     def word(self) -> str:
@@ -124,7 +126,8 @@ def errors_in(quality: Sequence[Mapping[str, Any]]) -> tuple[ErrorFinding, ...]:
 
 def check_warnings(quality: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the findings at warning level of examinations as plain data, each in one line; see :func:`errors_in`."""
-    return [str(finding) for finding in _told_once(quality, "warning", ("name",))]
+    found = _told_once(quality, "warning", ("name",))
+    return [str(finding) for finding in sorted(found, key=lambda finding: finding.name != UNLIKE_OTHERS)]
 
 
 def _told_once(
@@ -206,7 +209,17 @@ def verdict_of(
     stated = Acceptance(estimate.provenance.get("accept") or {}) if acceptance is None else acceptance
     on = "training data" if test is None or not is_held_out else "test data"
     judged = [_judged(name, limit, estimate, test, known, on) for name, limit in stated.limits.items()]
-    return Verdict(causes, tuple(judged), known is not None)
+    return Verdict(causes, tuple(judged), known is not None, _apart(known or ()))
+
+
+def _apart(quality: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return the names of the logs that a warning says are unlike the others."""
+    unlike = [
+        str(each["path"])
+        for each in quality
+        if any(own["severity"] == "warning" and own["name"] == UNLIKE_OTHERS for own in each["findings"])
+    ]
+    return tuple(PurePath(path).name for path in unlike)
 
 
 def _judged(

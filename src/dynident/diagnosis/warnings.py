@@ -176,7 +176,8 @@ def _gains(estimate: Estimate) -> list[str]:
         return []
     known = [value for value in stated.relative.values() if value > 0]
     more = int(np.sum(np.asarray(stated.parameters) > estimate.std))
-    span = f"{100 * min(known):.2g} to {100 * max(known):.2g} %" if len(known) > 1 else f"{100 * known[0]:.2g} %"
+    ends = dict.fromkeys(f"{100 * value:.2g}" for value in (min(known), max(known)))
+    span = f"{' to '.join(ends)} %"
     return [
         f"drive gains have a relative std of {span}: it shifts {more} of {estimate.base.count} parameters by more than "
         "their stated standard deviations, which do not contain it (extras.gain_std)"

@@ -8,6 +8,9 @@ from dynident.results.text import MISSING, Column, Table, format_percent, label
 #: What is said where nobody has looked at the logs of a fit.
 NOT_CHECKED = "log checks: not made on the logs of this fit ('dynident check' makes them)"
 
+#: Logs that are named at most.
+_NAMED = 4
+
 #: What the exports say of an estimate that findings speak against.
 STEP = "correct the cause and identify again"
 
@@ -24,9 +27,11 @@ def reason_of(verdict: Verdict) -> str:
         told = f"the log checks have {count} finding{'s' * (count > 1)} at error level"
         return f"{told if count else 'it explains next to nothing of its own data'}; {STEP}"
     if verdict.word == NO_CRITERIA:
-        return (
-            "the checks of the training logs found no error" if verdict.is_checked else "the log checks were not made"
-        )
+        if not verdict.is_checked:
+            return "the log checks were not made"
+        told = "the checks of the training logs found no error"
+        names = [*verdict.apart[:_NAMED], *["..."] * (len(verdict.apart) > _NAMED)]
+        return f"{told}, but logs that do not go with the others: {', '.join(map(label, names))}" if names else told
     missed = [criterion.criterion for criterion in verdict.criteria if not criterion.is_met]
     return ", ".join(missed) or f"{len(verdict.criteria)} of {len(verdict.criteria)} criteria met"
 

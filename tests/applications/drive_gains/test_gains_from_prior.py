@@ -202,6 +202,6 @@ def test_an_estimate_states_what_its_gains_add(spatial_3r: Robot) -> None:
     assert stated is not None
     assert stated.relative == dict.fromkeys(gains, 0.03)
     assert len(stated.parameters) == estimate.base.count
-    assert any("drive gains have a relative std of 3 to 3 %" in text for text in warnings_of(estimate))
+    assert any("drive gains have a relative std of 3 %:" in text for text in warnings_of(estimate))
     plain = replace(problem, model=arm.model)
     assert gain_uncertainty(plain, np.ones(3)) is None

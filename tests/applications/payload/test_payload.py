@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -159,6 +160,21 @@ def test_a_run_without_payload_says_so(robot: Robot, estimate: Estimate) -> None
     assert not found.placed and "no payload is evident" in " ".join(found.remarks)
     with pytest.raises(BadOption, match="not determined well enough"):
         vendor_forms(found)
+
+
+def test_a_load_that_is_put_down_within_the_log_is_told(robot: Robot, estimate: Estimate) -> None:
+    empty, loaded, warm = run_of(robot, 2), run_of(with_body(robot), 2), run_of(with_body(robot), 2, warm=1.4)
+    first = (empty.time < 6.0)[:, None]
+
+    def told(start: Log, end: Log) -> str:
+        torque = np.where(first, np.asarray(start.torque), np.asarray(end.torque))
+        return "; ".join(identify_payload(estimate, [replace(loaded, torque=torque)]).remarks)
+
+    changes = re.search(r"not the same all along: (-?[\d.]+) to ([\d.]+) kg .* 'dynident track", told(loaded, empty))
+    assert changes is not None
+    assert abs(float(changes[1])) < 0.4 and float(changes[2]) == pytest.approx(2.6, abs=0.4)
+    for same in ((loaded, loaded), (loaded, warm), (empty, empty)):  # friction alone changes in the second
+        assert "not the same all along" not in told(*same)
 
 
 @pytest.mark.parametrize(("flange", "is_told"), [("link2", True), ("link4", True), ("link6", False), ("", False)])

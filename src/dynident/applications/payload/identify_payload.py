@@ -9,6 +9,7 @@ import numpy as np
 
 from dynident.applications.drive_gains.payload import HEAVIEST, CarriedBody
 from dynident.applications.payload.carried_load import CarriedLoad
+from dynident.applications.payload.changing_load import load_of_parts
 from dynident.applications.payload.difference_fit import (
     DifferenceSolution,
     RunPrior,
@@ -243,7 +244,15 @@ class _Run:
             residual=left,
             gains=doubt,
             better=self._better(fit) if unexplained(*left, estimate) is not None else None,
+            loads=self._loads(fit) if self.rows == "motion" else None,
         )
+
+    def _loads(self, fit: _Pass) -> tuple[float, float] | None:
+        """Return the least and the largest load of parts of the logs, in kg; None where it may be one."""
+        carried = fit.known.columns[:, :10] @ fit.found.x[:10]
+        torque = fit.passes.residuals(self.estimate.beta + fit.found.change - carried) - fit.residual
+        carried, left = fit.passes.by_log(torque), fit.passes.by_log(fit.residual)
+        return load_of_parts(float(fit.found.x[9]), carried, left, 1.0 / (fit.deviations * np.sqrt(fit.factors)))
 
     def _better(self, fit: _Pass) -> tuple[int, Array] | None:
         """Return the link on which a payload leaves the least, with what is left; None where that is not far less.

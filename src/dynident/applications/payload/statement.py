@@ -50,6 +50,7 @@ class PayloadFit:
         gains: Doubt about drive gains; None where no torque is made of one, or they are said to be exact.
         better: Another link, on which a payload explains the torques far better, and what is left then, shape (n,);
             None where the payload explains them, or no other link does.
+        loads: Least and largest load of parts of the logs, in kg; None where the load may be one.
     """
 
     ten: Array
@@ -62,6 +63,7 @@ class PayloadFit:
     residual: tuple[Array, Array]
     gains: GainDoubt | None = None
     better: tuple[int, Array] | None = None
+    loads: tuple[float, float] | None = None
 
 
 def stated(found: PayloadFit, estimate: Estimate, flange: str, level: float, logs: tuple[str, ...]) -> CarriedLoad:
@@ -218,6 +220,10 @@ def _remarks(
         remarks.append(text + "with a load; look at units, signs and order of its columns")
     elif np.isfinite(mass.half_width) and mass.value - mass.half_width <= 0:
         remarks.append("the mass is not significant at 95 %: no payload is evident")
+    if found.loads is not None:
+        low, high = found.loads
+        text = f"the load is not the same all along: {low:.2g} to {high:.2g} kg in parts of the log; "
+        remarks.append(text + "'dynident track ESTIMATE LOG' finds when it changes")
     remarks += _unexplained(found, estimate)
     count = int(np.sum(~found.open))
     if count and chi_square_tail(distance**2, count) < UNLIKELY:

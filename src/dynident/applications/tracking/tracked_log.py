@@ -122,6 +122,12 @@ class Tracked:
             ],
         }
 
+    def no_friction(self, estimate: Estimate) -> list[str]:
+        """Return the friction parameters that at the end are significantly below zero, which no friction is."""
+        base, limit = estimate.base, self.beta[-1] + self.half_widths()[-1]
+        friction = [base.parameters[k].kind == "friction" and base.parameters[k].nonnegative for k in base.independent]
+        return [base.names[k] for k in np.flatnonzero(friction & (limit < 0)) if estimate.beta[k] >= 0]
+
     def half_widths(self) -> Array:
         """Return half of the 95 % interval of each parameter at each look, shape (m, b)."""
         return Z_95 * np.asarray(self.deviations)
