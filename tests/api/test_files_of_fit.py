@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynident.actuators.estimate import ActuatorEstimate
 from dynident.api.applications import logs_of_fit
+from dynident.api.files_of_fit import file_of_fit
 from dynident.api.validate import validate
 from dynident.case.case import read_case
 from dynident.cli.main import main
@@ -77,3 +79,10 @@ def test_a_log_with_another_content_is_not_that_of_the_fit(
     with pytest.raises(LogMismatch, match="not there as it was, nor where the estimate or its case lies"):
         logs_of_fit(estimate)
     assert "cannot be read again" in origin_of(estimate).why_not
+
+
+def test_files_of_servos_are_found_alike(fitted: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    facts = {"path": "run0.csv"}
+    assert file_of_fit(ActuatorEstimate("arm", (), {}, None, str(fitted / "est.json")), facts)
+    assert not file_of_fit(ActuatorEstimate("arm", (), {}), facts)

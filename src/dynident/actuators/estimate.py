@@ -108,12 +108,14 @@ class ActuatorEstimate:
         joints: Its actuators.
         provenance: Files, command and version.
         bodies: Bodies that were found beside them; None where they are those of the robot model.
+        file: The file that it was read from; empty for none.
     """
 
     robot: str
     joints: tuple[JointActuator, ...]
     provenance: Mapping[str, Any] = field(default_factory=dict)
     bodies: FreeBodies | None = None
+    file: str = ""
 
     def joint(self, name: str) -> JointActuator:
         """Return the actuator of a joint."""
@@ -190,7 +192,7 @@ def read_actuators(path: str | Path) -> ActuatorEstimate:
     try:
         joints = tuple(_joint(name, own) for name, own in data["joints"].items())
         bodies = read_bodies(data["bodies"]) if "bodies" in data else None
-        return ActuatorEstimate(data["robot"], joints, data.get("provenance", {}), bodies)
+        return ActuatorEstimate(data["robot"], joints, data.get("provenance", {}), bodies, str(path))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise EstimateFormatError(path, f"damaged ({type(error).__name__}: {error})", step) from error
 

@@ -16,6 +16,7 @@ from dynident.actuators.servo_files import read_servo_logs
 from dynident.actuators.servo_log import ServoLog, ServoSetup, check_travel
 from dynident.actuators.torque_state import check_torque_state
 from dynident.api.case_logs import with_logs
+from dynident.api.files_of_fit import file_of_fit
 from dynident.api.named_logs import logs_named
 from dynident.case.case import AUTO, Case, read_case
 from dynident.errors import BadOption, DescriptionError, LogMismatch
@@ -95,7 +96,8 @@ def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple
         DescriptionError: The robot model is not the one that the actuators were identified with.
         DynidentError: A log that is not sound, as of :func:`actuators`.
     """
-    case = read_case(estimate.provenance.get("case", {}).get("path", ""))
+    stated = estimate.provenance.get("case", {})
+    case = read_case(file_of_fit(estimate, stated) or stated.get("path", ""))
     facts = estimate.provenance.get("robot", {})
     if facts and not is_unchanged(facts, split_arguments(case.robot_path)[0]):
         step = "identify again: its inertias are the scale of all torques"
@@ -111,9 +113,10 @@ def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple
 
 def _test_logs(estimate: ActuatorEstimate) -> list[str]:
     """Return the files that an estimate was tested on, or trained on where it was not tested."""
-    paths = [str(one["path"]) for one in estimate.provenance.get("logs", ())]
+    logs = estimate.provenance.get("logs", ())
     trained = tuple(estimate.provenance.get("train", ()))
-    return [path for path in paths if not any(name.startswith(path) for name in trained)] or paths
+    others = [one for one in logs if not any(name.startswith(str(one["path"])) for name in trained)] or logs
+    return [file_of_fit(estimate, one) or str(one["path"]) for one in others]
 
 
 def _seen(estimate: ActuatorEstimate, logs: Sequence[ServoLog]) -> frozenset[str]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from dynident.actuators.estimate import ActuatorEstimate
 from dynident.data.log_places import is_address
 from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
@@ -14,7 +15,7 @@ from dynident.identification.estimate.estimate import Estimate
 _ABOVE = 2
 
 
-def file_of_fit(estimate: Estimate, facts: Mapping[str, Any]) -> str:
+def file_of_fit(estimate: Estimate | ActuatorEstimate, facts: Mapping[str, Any]) -> str:
     """Return where a log or the case file of an estimate is, with the content that it had.
 
     Args:
@@ -31,7 +32,7 @@ def file_of_fit(estimate: Estimate, facts: Mapping[str, Any]) -> str:
     return ""
 
 
-def places_of_fit(estimate: Estimate, path: str) -> Iterator[Path]:
+def places_of_fit(estimate: Estimate | ActuatorEstimate, path: str) -> Iterator[Path]:
     """Yield where a file of the fit may be: as it is named, then from the folders of the estimate and its case.
 
     Args:
