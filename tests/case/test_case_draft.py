@@ -682,21 +682,37 @@ def test_a_log_in_which_nothing_moves_has_no_band(arm: str, tmp_path: Path) -> N
     assert draft.recognition.band_hz == 0.0 and "cutoff_hz" not in draft.text
 
 
-@pytest.mark.parametrize("effort", ["tau", "i"])
-def test_rotors_that_no_motion_tells_from_bodies_are_stated(effort: str, tmp_path: Path) -> None:
-    """Of the joints of a SCARA without rotor inertias the slide's acts as mass; samples decide on the hinges'."""
-    robot = read_robot("generic-scara")
-    robot = robot.with_drives(dict.fromkeys(robot.joint_names, Drive()))
-    slides = [joint.name for joint in robot.active if joint.kind == "prismatic"]
-    hinges = [name for name in robot.joint_names if name not in slides]
-    arm, motion = write_robot(tmp_path / "scara.json", robot), moved(robot)
-    motion["q"][:, [j.kind == "prismatic" for j in robot.active]] *= 0.1
-    text = draft_case(arm, write_log(tmp_path / "run.csv", numbered(motion, torque=effort + "{}")), tmp_path).text
-    if effort == "i":
-        assert text.count("- rotor_inertia") == 1 and "- rotor_inertia  " in text
-        return
-    assert f"- rotor_inertia: {{joints: [{', '.join(slides)}]}}   # of motors and belts" in text
-    assert f"- rotor_inertia: {{joints: [{', '.join(hinges)}], choose: part}}" in text
+GANTRY = (
+    """<robot name="gantry"><link name="base"/>"""
+    + "".join(
+        f"""<link name="l{k}"><inertial><mass value="{9 - k}"/><origin xyz="0.1 0 0"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+    <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="l{k}"/><axis xyz="{axis}"/>
+    <limit lower="-2" upper="2" velocity="3" effort="900"/></joint>"""
+        for k, (name, kind, parent, axis) in enumerate(
+            [
+                ("x", "prismatic", "base", "1 0 0"),
+                ("y", "prismatic", "l0", "0 1 0"),
+                ("turn", "revolute", "l1", "0 0 1"),
+            ]
+        )
+    )
+    + "</robot>"
+)
+
+
+def test_rotors_that_no_motion_tells_from_bodies_are_stated(tmp_path: Path) -> None:
+    """Of a gantry the one of each drive acts as mass or inertia; a SCARA's are left to samples, its slide's too."""
+    (tmp_path / "gantry.urdf").write_text(GANTRY)
+    for name, stated in (("gantry.urdf", True), ("scara.json", False)):
+        robot = read_robot(tmp_path / name) if stated else read_robot("generic-scara")
+        robot = robot.with_drives(dict.fromkeys(robot.joint_names, Drive()))
+        place = str(tmp_path / name) if stated else write_robot(tmp_path / name, robot)
+        motion = moved(robot)
+        motion["q"][:, [j.kind == "prismatic" for j in robot.active]] *= 0.1
+        text = draft_case(place, write_log(tmp_path / "run.csv", numbered(motion)), tmp_path).text
+        wanted = "- rotor_inertia: {joints: [x, y, turn]}" if stated else "- rotor_inertia: {choose: part}"
+        assert text.count("- rotor_inertia") == 1 and wanted in text
 
 
 def test_rotors_of_an_arm_are_left_to_held_out_samples(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:

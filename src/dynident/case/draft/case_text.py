@@ -250,15 +250,15 @@ def _optional_rotors(found: Recognised) -> list[str]:
     apart = {
         parameter.owner for parameter, verdict in verdicts if parameter.kind == "rotor" and verdict == IDENTIFIABLE
     }
-    slides = [joint.name for joint in robot.active if joint.kind == "prismatic"]
-    hinges = [joint.name for joint in robot.active if joint.name not in slides]
-    stated = [name for name in robot.joint_names if name in slides or not apart & set(hinges)]
+    slides = {joint.name for joint in robot.active if joint.kind == "prismatic"}
+    stated = [name for name in robot.joint_names if name not in apart and (name in slides or not apart)]
+    others = [name for name in robot.joint_names if name not in stated]
     if not stated:
         return [one]
     lines = [f"  - rotor_inertia: {{joints: {listed(stated)}}}   # {told}"]
-    if len(stated) < robot.dof:
+    if others:
         lines.append(
-            f"  - rotor_inertia: {{joints: {listed(hinges)}, choose: part}}   # of the motors, seen at the joints"
+            f"  - rotor_inertia: {{joints: {listed(others)}, choose: part}}   # of the motors, seen at the joints"
         )
     return lines
 

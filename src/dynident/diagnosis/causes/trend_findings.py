@@ -165,6 +165,9 @@ def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     stiffness = f"{blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} {'N/m' if slides else 'N m/rad'}"
     evidence = f"the residual is proportional to the position, {stiffness}"
     step = f"a spring, hose or cable pack: add spring: {{joints: [{blame.cause.joint}]}} to friction:"
+    if blame.values[0] < 0.0:
+        part = f"balancer: {{joints: [{blame.cause.joint}], dead_center: ..., vary: [ratio]}}"
+        step = f"a spring past its dead center: add {part} to friction:, or look at the masses of the robot model"
     return evidence, _of_stated_spring(blame, fit) or step
 
 
@@ -197,12 +200,17 @@ def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     dead = 0.0 - phase
     part = f"balancer: {{joints: [{blame.cause.joint}], dead_center: {dead:.2f}, vary: [ratio]}}"
     other = dead - np.copysign(np.pi, dead)
-    step = f"a spring or gas cylinder: add {part} to friction: (or {other:.2f}: where it is shortest)"
+    step = f"a spring or gas cylinder: add {part} to friction: (dead_center: {other:.2f} if it pushes)"
     return evidence, _of_stated_spring(blame, fit) or f"{step}; a body fixed to the link: correct the robot model"
 
 
 def _of_stated_spring(blame: Blame, fit: QuickFit) -> str:
-    """Return the step where a spring of the case with fields of its own acts on the joint already, or nothing."""
+    """Return the step where a spring of the case acts on the joint already, or none of a motor can; else nothing."""
+    row = list(fit.model.robot.joint_names).index(blame.cause.joint)
+    coupling = np.asarray(fit.model.robot.coupling)
+    if np.count_nonzero(coupling[row]) + np.count_nonzero(coupling[:, row]) > 2:
+        what = "a spring, hose or cable pack: parts of friction act on motors, of which several turn this joint"
+        return f"{what}: subtract its torque"
     for part in fit.model.friction:
         if part.is_of_position and part.ranges and blame.cause.joint in (part.joints or fit.model.robot.joint_names):
             name, fields = FRICTION.name_of(part), ", ".join(part.options)
