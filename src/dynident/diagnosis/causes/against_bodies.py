@@ -183,19 +183,18 @@ class Anchored(CauseSearch):
         return float(np.sum((by_mean @ self._known.moment_errors()) ** 2))
 
     def blames(self) -> tuple[Blame, ...]:
-        """Return the causes that are sure; the figures of each are those beside all others."""
+        """Return the causes that are sure; the figures of rotor inertias are those beside all others."""
         found = super().blames()
         numbers = [next(k for k, one in enumerate(self.causes) if one is blame.cause) for blame in found]
-        told = []
-        for blame, k in zip(found, numbers, strict=True):
-            beside = [*(other for other in numbers if other != k), k]
-            last = (
-                blame
-                if k == numbers[-1]
-                else self._blame(self.fit([]), self.fit(beside), beside, self.worths([beside])[0])
-            )
-            told.append(replace(blame, values=last.values, covariance=last.covariance, freedom=last.freedom))
-        return tuple(told)
+        return tuple(self._beside_all(blame, k, numbers) for blame, k in zip(found, numbers, strict=True))
+
+    def _beside_all(self, blame: Blame, k: int, numbers: Sequence[int]) -> Blame:
+        """Return a rotor inertia, the cause k of those found, with its figures beside all the others."""
+        if blame.cause.name != "rotor inertia" or k == numbers[-1]:
+            return blame
+        beside = [*(other for other in numbers if other != k), k]
+        last = self._blame(self.fit([]), self.fit(beside), beside, self.worths([beside])[0])
+        return replace(blame, values=last.values, covariance=last.covariance, freedom=last.freedom)
 
     def distinct(self, after: Solved, chosen: Sequence[int]) -> float:
         # a quasi-likelihood: logarithms of likelihoods count less by as much (McCullagh and Nelder 1989, chapter 9)
