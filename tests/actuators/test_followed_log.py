@@ -12,7 +12,7 @@ import pytest
 from servo_bench import PENDULUM, parameters, virtual_logs, write_csv
 
 from dynident.actuators.drive_law import DriveLaw, preset
-from dynident.actuators.estimate import ActuatorEstimate, JointActuator, write_actuators
+from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator, read_actuators, write_actuators
 from dynident.actuators.followed_log import followed, friction_of
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.verdict import Known
@@ -20,7 +20,7 @@ from dynident.cli.main import main
 from dynident.files import sha256_of
 from dynident.model.robot import Robot
 from dynident.results.actuator_report import actuator_page
-from dynident.results.actuator_text import joint_warnings
+from dynident.results.actuator_text import joint_lines, joint_warnings, parameter_table
 from dynident.results.figures.signals import line_chart
 
 CASE = """case: 2
@@ -134,6 +134,23 @@ def test_a_weak_friction_beside_free_swings_asks_for_more_of_them() -> None:
     beside = joint_warnings(replace(joint, known=(weak, swings)))
     assert ["switch the torque off" in text for text in alone] == [True]
     assert ["more free swings" in text for text in beside] == [True, True]
+
+
+def test_a_joint_that_slides_has_units_of_force_and_length(tmp_path: Path) -> None:
+    """In tables and lines, and in the file, which remembers it."""
+    names = ("full_torque", "back_emf", "coulomb", "armature", "angle_offset")
+    known = tuple(Known(name, 1.0, 0.1, "identified") for name in names)
+    damping, errors = Combination("damping", 1.0, "N m s/rad", "together"), {"a": 1e-3}
+    own = {"known": known, "combinations": (damping,), "train": errors, "linear_test": errors}
+    turning = replace(estimate(preset("feetech_sts3215")).joints[0], **own)
+    for joint, units, error in (
+        (turning, ["N·m", "N·m·s/rad", "N·m", "kg·m²", "rad", "N·m·s/rad"], "1 mrad"),
+        (turning.of_slide(), ["N", "N·s/m", "N", "kg", "m", "N·s/m"], "1 mm"),
+    ):
+        write_actuators(ActuatorEstimate("lift", (joint,)), tmp_path / "a.json")
+        (read,) = read_actuators(tmp_path / "a.json").joints
+        assert read.slides == joint.slides and [row[-2] for row in parameter_table(read).rows] == units
+        assert f"training error of the roll-outs: {error}" in joint_lines(read)
 
 
 def test_the_report_has_every_log_and_the_friction(folder: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from dynident.actuators import KIND
 from dynident.actuators.drive_law import DriveLaw, KnownFrom
 from dynident.actuators.free_bodies import FreeBodies, bodies_data, read_bodies, with_bodies
-from dynident.actuators.parameters import PARAMETERS, PLACE
+from dynident.actuators.parameters import PARAMETERS, PLACE, unit_for, unit_of
 from dynident.actuators.verdict import Known
 from dynident.arrays import Array
 from dynident.errors import EstimateFormatError
@@ -63,6 +63,7 @@ class JointActuator:
         folds: Cross-validation error of each friction model, in rad (geometric mean over logs).
         saturated: Share of the training samples in which the duty is at its limit.
         remarks: What the user has to know.
+        slides: Whether the joint slides: m, N and kg stand for rad, N m and kg m^2.
     """
 
     name: str
@@ -80,6 +81,7 @@ class JointActuator:
     folds: Mapping[str, float]
     saturated: float
     remarks: tuple[str, ...] = ()
+    slides: bool = False
 
     def value(self, name: str) -> float:
         """Return a parameter by its name."""
@@ -88,6 +90,11 @@ class JointActuator:
     def stiffness(self, kp: float) -> float:
         """Return the torque per rad of error of the drive at a position gain, in N m/rad."""
         return self.value("full_torque") * self.value("gain_ratio") * self.law.error_gain * kp
+
+    def of_slide(self) -> JointActuator:
+        """Return the actuator of a joint that slides, with its units."""
+        own = tuple(replace(one, unit=unit_for(one.unit, True)) for one in self.combinations)
+        return replace(self, combinations=own, slides=True)
 
     @property
     def has_torque(self) -> bool:
@@ -139,7 +146,7 @@ def as_data(estimate: ActuatorEstimate) -> dict[str, Any]:
         joints[joint.name] = {
             "friction_model": joint.friction,
             "parameters": {
-                name: {"value": _finite(value), "unit": PARAMETERS[PLACE[name]].unit}
+                name: {"value": _finite(value), "unit": unit_of(name, joint.slides)}
                 for name, value in zip(names, joint.parameters, strict=True)
             },
             "known": [_known(one) for one in joint.known],
@@ -227,4 +234,5 @@ def _joint(name: str, own: Mapping[str, Any]) -> JointActuator:
         folds={key: np.inf if v is None else v for key, v in own["cross_validation_rad"].items()},
         saturated=own["saturated_share"],
         remarks=tuple(own["remarks"]),
+        slides=own["parameters"]["full_torque"].get("unit") == unit_of("full_torque", slides=True),
     )

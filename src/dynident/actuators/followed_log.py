@@ -38,6 +38,7 @@ class FollowedJoint:
         load: Root mean square of the torque of the bodies, in N m.
         stated: Parameters of the drive as identified with those of the robot model, shape (COUNT,); None for none.
         by_model: Positions of the roll-out with them, shape (N,), in rad; None for none.
+        slides: Whether the joint slides: m and N stand for rad and N m.
     """
 
     joint: str
@@ -56,6 +57,7 @@ class FollowedJoint:
     load: float
     stated: Array | None = None
     by_model: Array | None = None
+    slides: bool = False
 
 
 def followed(
@@ -113,6 +115,7 @@ def followed(
                     float(np.sqrt(np.mean(load[k].torque(log.time, record.q) ** 2))),
                     nominal,
                     by_model,
+                    actuator.slides,
                 )
             )
     return tuple(found)

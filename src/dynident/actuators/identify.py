@@ -97,6 +97,7 @@ def identify_actuators(
     told = {one.joint: one.remark(robot.joint_names) for one in turned_over(robot, train)}
     parts = enumerate(zip(arm.datas, arm.fits, spreads, strict=True))
     joints = [_answer(*each, kp, told.get(joint, "") if told else None) for joint, each in parts]
+    joints = [one.of_slide() if own.kind == "prismatic" else one for one, own in zip(joints, robot.active, strict=True)]
     return ActuatorEstimate(robot.name, tuple(joints), bodies=bodies)
 
 

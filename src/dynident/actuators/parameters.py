@@ -149,3 +149,26 @@ FRICTION_MODELS: Final = {
         ),
     )
 }
+
+
+#: Units of a joint that slides, by those of one that turns.
+_OF_SLIDES: Final = {
+    "N m": "N",
+    "N m/rad": "N/m",
+    "N m s/rad": "N s/m",
+    "kg m^2": "kg",
+    "rad": "m",
+    "rad/s": "m/s",
+    "s/rad": "s/m",
+}
+
+
+def unit_for(unit: str, slides: bool) -> str:
+    """Return the unit of a joint that slides in place of that of one that turns, with what stands behind 'per'."""
+    own, per, rest = unit.partition(" per ")
+    return f"{_OF_SLIDES.get(own, own)}{per}{rest}" if slides else unit
+
+
+def unit_of(name: str, slides: bool = False) -> str:
+    """Return the unit of a parameter of a joint that turns, or slides."""
+    return unit_for(PARAMETERS[PLACE[name]].unit, slides)

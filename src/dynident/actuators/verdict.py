@@ -10,7 +10,6 @@ from scipy.linalg import eigh
 from scipy.special import ndtr, ndtri, stdtrit
 
 from dynident.actuators.output_error import ServoProblem, log_weights
-from dynident.actuators.parameters import PARAMETERS, PLACE
 from dynident.actuators.rollout import JointRecord, encoder_step
 from dynident.arrays import Array, BoolArray
 
@@ -378,8 +377,3 @@ def lacks_scale(labels: Mapping[str, str]) -> bool:
     """Return whether the scale is missing: torque and armature are not separable, by labels, and the delay is known."""
     unknown = [labels.get(name) in ("not separable", AS_RATIO) for name in ("full_torque", "armature", "delay")]
     return unknown == [True, True, False] and labels["full_torque"] == "not separable"
-
-
-def unit_of(name: str) -> str:
-    """Return the unit of a parameter."""
-    return PARAMETERS[PLACE[name]].unit

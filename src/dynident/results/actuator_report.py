@@ -10,7 +10,7 @@ import numpy as np
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.followed_log import FollowedJoint, friction_of
 from dynident.actuators.free_bodies import FreeBodies
-from dynident.actuators.parameters import PLACE
+from dynident.actuators.parameters import PLACE, unit_for
 from dynident.arrays import Array
 from dynident.results.actuator_text import (
     bodies_lines,
@@ -20,6 +20,7 @@ from dynident.results.actuator_text import (
     joint_lines,
     joint_warnings,
     parameter_table,
+    thousandth_of,
 )
 from dynident.results.figures.signals import line_chart
 from dynident.results.report.builder import ReportPart, build_page
@@ -40,10 +41,11 @@ def errors_table(runs: Sequence[FollowedJoint]) -> Table:
     """
     several = len({run.joint for run in runs}) > 1
     stated = any(np.isfinite(run.nominal) for run in runs)
-    columns = [Column("log"), Column("kp", numeric=True), Column("identified", "mrad", numeric=True)]
-    columns += [Column("whole arm", "mrad", numeric=True)] * several + [Column("linear start", "mrad", numeric=True)]
+    unit = thousandth_of(runs)
+    columns = [Column("log"), Column("kp", numeric=True), Column("identified", unit, numeric=True)]
+    columns += [Column("whole arm", unit, numeric=True)] * several + [Column("linear start", unit, numeric=True)]
     remarks = [", ".join(_remarks(run)) for run in runs]
-    columns += [Column("robot model", "mrad", numeric=True)] * stated + [Column("remark")] * any(remarks)
+    columns += [Column("robot model", unit, numeric=True)] * stated + [Column("remark")] * any(remarks)
     rows = []
     for run, remark in zip(runs, remarks, strict=True):
         cells = [Path(run.log).name, f"{run.kp:g}", _mrad(run.error)]
@@ -64,7 +66,7 @@ def _mrad(value: float) -> str:
 def mean_lines(runs: Sequence[FollowedJoint]) -> list[str]:
     """Return the mean error over the roll-outs, and how many of them do not test the actuators."""
     means = (float(np.mean([getattr(run, name) for run in runs])) for name in ("error", "whole"))
-    mean, whole = (f"{_mrad(one)} mrad" if np.isfinite(one) else _mrad(one) for one in means)
+    mean, whole = (f"{_mrad(one)} {thousandth_of(runs)}" if np.isfinite(one) else _mrad(one) for one in means)
     found = [f"mean absolute position error {mean} ({counted(len(runs), 'roll-out')})"]
     if len({run.joint for run in runs}) > 1:
         found.append(f"the whole arm let go: {whole}, all joints by their commands alone")
@@ -115,22 +117,23 @@ def _bodies(bodies: FreeBodies) -> dict[str, object]:
 
 
 def _joint(joint: JointActuator, runs: Sequence[FollowedJoint]) -> dict[str, object]:
+    angle, rate, torque = (unit_for(unit, joint.slides) for unit in ("rad", "rad/s", "N m"))
     rates = [np.abs(np.diff(run.predicted) / np.diff(run.time)) for run in runs if np.isfinite(run.predicted).all()]
     fastest = float(np.quantile(np.concatenate(rates), FASTEST)) if rates else 0.0
     speed = np.linspace(0.0, fastest or STANDING, POINTS)
     load = float(np.sqrt(np.mean([run.load**2 for run in runs]))) if runs else 0.0
     lines = [("no load", speed, friction_of(joint, speed, 0.0))]
     if joint.friction not in ("m1", "m2") and load > 0:
-        lines.append((f"load of {format_number(load, 2)} N m", speed, friction_of(joint, speed, load)))
+        words = f"load of {format_number(load, 2)} {torque}"
+        lines.append((words, speed, friction_of(joint, speed, load)))
     stated = next((run.stated for run in runs if run.stated is not None), None)
     tables = [parameter_table(joint)]
     if stated is not None:
         friction = stated[PLACE["coulomb"]] + stated[PLACE["viscous"]] * speed
         lines.append(("robot model, back-EMF with it", speed, friction))
         tables.append(_beside_model(joint, stated))
-    figures = [
-        drawn(line_chart("Friction at even speed", lines, "speed [rad/s]", "friction [N m]"), "friction", joint.name)
-    ]
+    chart = line_chart("Friction at even speed", lines, f"speed [{rate}]", f"friction [{torque}]")
+    figures = [drawn(chart, "friction", joint.name)]
     for run in runs:
         step = max(1, len(run.time) // MOST)
         own = run.time[::step]
@@ -138,8 +141,8 @@ def _joint(joint: JointActuator, runs: Sequence[FollowedJoint]) -> dict[str, obj
         curves.append(("roll-out", own, np.clip(run.predicted[::step], -1e3, 1e3)))
         if run.by_model is not None:
             curves.append(("robot model", own, np.clip(run.by_model[::step], -1e3, 1e3)))
-        title = f"{Path(run.log).name}, {_mrad(run.error)} mrad"
-        figures.append(drawn(line_chart(title, curves, "time [s]", "position [rad]"), "rollout", joint.name))
+        title = f"{Path(run.log).name}, {_mrad(run.error)} {thousandth_of([run])}"
+        figures.append(drawn(line_chart(title, curves, "time [s]", f"position [{angle}]"), "rollout", joint.name))
     return {
         "lines": joint_lines(joint), "warnings": joint_warnings(joint), "tables": tables,
         "figures": figures,
@@ -158,7 +161,8 @@ def _beside_model(joint: JointActuator, stated: Array) -> Table:
         ("Coulomb friction", joint.simple[PLACE["coulomb"]], stated[PLACE["coulomb"]], "N m"),
     ]
     cells = [
-        (name, format_number(ours, 3), format_number(theirs, 3), pretty_unit(unit)) for name, ours, theirs, unit in rows
+        (name, format_number(ours, 3), format_number(theirs, 3), pretty_unit(unit_for(unit, joint.slides)))
+        for name, ours, theirs, unit in rows
     ]
     columns = (Column("of simulators"), Column("identified", numeric=True), Column("robot model", numeric=True))
     return Table((*columns, Column("unit")), tuple(cells))

@@ -8,10 +8,11 @@ import numpy as np
 
 from dynident.actuators.directions import TURNED, ZEROED
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
+from dynident.actuators.followed_log import FollowedJoint
 from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
-from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
+from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE, unit_of
 from dynident.actuators.poor_fit import EXTRAPOLATION, MISSED
-from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, LITTLE_WEIGHT, MORE_SWINGS, SCALE, lacks_scale, unit_of
+from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, LITTLE_WEIGHT, MORE_SWINGS, SCALE, lacks_scale
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
 
 
@@ -26,7 +27,7 @@ def parameter_table(joint: JointActuator) -> Table:
         value = format_value(one.value, width)[0] if np.isfinite(width) else format_number(one.value, 4)
         value = "0" if one.label == "at its bound" and _is_none(one.name, one.value) else value
         ratio = [MISSING if one.ratio is None else format_number(one.ratio, 2)] * has_ratio
-        rows.append((name, value, half, *ratio, pretty_unit(unit_of(one.name)), label))
+        rows.append((name, value, half, *ratio, pretty_unit(unit_of(one.name, joint.slides)), label))
     for one in joint.combinations:
         ratio = [MISSING] * has_ratio
         half, is_known = one.half_width, bool(np.isfinite(one.half_width))
@@ -100,14 +101,15 @@ def joint_lines(joint: JointActuator) -> list[str]:
     """Return what has to be said of one joint beside its table."""
     law = joint.law.name or "stated in the case file"
     lines = [f"friction {joint.friction}: {FRICTION_MODELS[joint.friction].words}; drive law {law}"]
+    thousandth = thousandth_of([joint])
     if joint.folds:
         folds = ", ".join(f"{name} {1e3 * value:.3g}" for name, value in joint.folds.items())
-        lines.append(f"cross-validation error of the roll-outs in mrad (geometric mean over logs): {folds}")
+        lines.append(f"cross-validation error of the roll-outs in {thousandth} (geometric mean over logs): {folds}")
     for title, errors in (("training", joint.train), ("test", joint.test)):
         if errors:
-            lines.append(f"{title} error of the roll-outs: {_spread(list(errors.values()))}")
+            lines.append(f"{title} error of the roll-outs: {_spread(list(errors.values()), thousandth)}")
     kind = "test" if joint.test else "training"
-    lines.append(f"{kind} error of the linear start: {1e3 * joint.mean_error(joint.linear_test):.3g} mrad")
+    lines.append(f"{kind} error of the linear start: {1e3 * joint.mean_error(joint.linear_test):.3g} {thousandth}")
     slew = joint.parameters[PLACE["slew_limit"]]
     if not np.isfinite(slew):
         lines.append("slew limit of the goal: none found")
@@ -116,11 +118,16 @@ def joint_lines(joint: JointActuator) -> list[str]:
     return lines
 
 
-def _spread(errors: list[float]) -> str:
-    mrad = [1e3 * value for value in errors]
-    text = f"{np.mean(mrad):.3g} mrad"
-    more = f" (median {np.median(mrad):.3g}, largest {max(mrad):.3g}, {len(mrad)} logs)"
-    return text if len(mrad) == 1 else text + more
+def thousandth_of(joints: Sequence[JointActuator | FollowedJoint]) -> str:
+    """Return the unit of small errors of joints that turn, or slide."""
+    return " or ".join({"mm" if joint.slides else "mrad": None for joint in joints})
+
+
+def _spread(errors: list[float], unit: str) -> str:
+    sizes = [1e3 * value for value in errors]
+    text = f"{np.mean(sizes):.3g} {unit}"
+    more = f" (median {np.median(sizes):.3g}, largest {max(sizes):.3g}, {len(sizes)} logs)"
+    return text if len(sizes) == 1 else text + more
 
 
 #: Parameters that no servo has at 0, and what makes them end there.
@@ -193,7 +200,8 @@ def headline(estimate: ActuatorEstimate) -> str:
     """Return the first line of the answer."""
     count = len(estimate.joints)
     tested = [joint.mean_error(joint.test) for joint in estimate.joints if joint.test]
-    error = f"; test error {1e3 * float(np.mean(tested)):.3g} mrad" if tested else "; no test logs"
+    unit = thousandth_of(estimate.joints)
+    error = f"; test error {1e3 * float(np.mean(tested)):.3g} {unit}" if tested else "; no test logs"
     if any(text.startswith(EXTRAPOLATION) for joint in estimate.joints for text in joint.remarks):
         error += f" ({EXTRAPOLATION} to another kp)"
     return f"{estimate.robot}: actuators of {count} joint{'s' * (count > 1)} from commands and positions{error}"

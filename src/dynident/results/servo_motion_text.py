@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from dynident.actuators.command_files import ServoMotions
-from dynident.actuators.parameters import PLACE
+from dynident.actuators.parameters import PLACE, unit_of
 from dynident.actuators.servo_excitation import JointExcitation
-from dynident.actuators.verdict import EXPERIMENTS, SCALE, Known, lacks_scale, unit_of
+from dynident.actuators.verdict import EXPERIMENTS, SCALE, Known, lacks_scale
 from dynident.results.table_width import wrap_text
 from dynident.results.text import MISSING, Column, Table, counted, format_number, format_percent, pretty_unit
 
