@@ -12,8 +12,9 @@ from dynident.case.case import Case
 from dynident.diagnosis.causes.pooled_logs import pooled_fit, pooled_logs
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.examination import examine, examine_logs
-from dynident.diagnosis.verdict import check_warnings
+from dynident.diagnosis.verdict import Verdict, check_warnings, logs_apart
 from dynident.model.friction import Motion
+from dynident.results.verdict import reason_of
 
 
 @pytest.fixture(scope="module")
@@ -193,6 +194,13 @@ def test_two_logs_that_contradict_each_other_say_so(trials: list[Trial], tmp_pat
     for one in found:
         (finding,) = [each for each in one.findings if each.name == "unlike other logs"]
         assert finding.severity == "warning" and finding.evidence.startswith("no two logs agree")
+    one, other = (each.figures() for each in found)
+    verdict = reason_of(Verdict((), (), True, logs_apart([one, other])))
+    assert verdict.endswith("but logs that do not go with the others: run0.npz, run1.npz")
+    other["findings"][0]["severity"] = "note"  # less far from it
+    assert logs_apart([one, other]) == ("run0.npz", "run1.npz")
+    one["findings"][0]["severity"] = "note"
+    assert logs_apart([one, other]) == ()
 
 
 @pytest.mark.parametrize("factor", [0.45, 1.6, 2.2])

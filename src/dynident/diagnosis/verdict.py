@@ -209,17 +209,14 @@ def verdict_of(
     stated = Acceptance(estimate.provenance.get("accept") or {}) if acceptance is None else acceptance
     on = "training data" if test is None or not is_held_out else "test data"
     judged = [_judged(name, limit, estimate, test, known, on) for name, limit in stated.limits.items()]
-    return Verdict(causes, tuple(judged), known is not None, _apart(known or ()))
+    return Verdict(causes, tuple(judged), known is not None, logs_apart(known or ()))
 
 
-def _apart(quality: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Return the names of the logs that a warning says are unlike the others."""
-    unlike = [
-        str(each["path"])
-        for each in quality
-        if any(own["severity"] == "warning" and own["name"] == UNLIKE_OTHERS for own in each["findings"])
-    ]
-    return tuple(PurePath(path).name for path in unlike)
+def logs_apart(quality: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return the names of the logs that are said to be unlike the others, where a warning says so of one of them."""
+    said = [(str(each["path"]), own) for each in quality for own in each["findings"] if own["name"] == UNLIKE_OTHERS]
+    is_grave = any(own["severity"] == "warning" for _, own in said)
+    return tuple(PurePath(path).name for path, _ in said) if is_grave else ()
 
 
 def _judged(
