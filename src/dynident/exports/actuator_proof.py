@@ -77,15 +77,20 @@ def mujoco_differences(estimate: ActuatorEstimate, kp: float) -> Mapping[str, fl
         most = dict(MOST_TURN) if joint.kind == "revolute" else dict.fromkeys(MOST_TURN, _SLIDE)
         reach = 0.9 * min(middles[k] - low, high - middles[k])
         frame = MotionFrame(middles[k], reach, min(speed, _SPEED) or _SPEED, _RATE, _SECONDS, most, True)
-        for size in _SIZES:
+
+        def followed(size: float, frame: MotionFrame = frame, k: int = k) -> tuple[Array, Array]:
             motions = [frame.scaled(kind, size) for kind in _KINDS]
             command = np.concatenate([motions[0].command, motions[1].command[1:]])
             commands = np.tile(middles, (len(command), 1))
             commands[:, k] = command
-            q = driven(engine, model, commands, places, drives)
+            return commands, driven(engine, model, commands, places, drives)
+
+        commands, q = followed(_SIZES[0])
+        for size in _SIZES[1:]:
             if low <= q[:, k].min() and q[:, k].max() <= high:
                 break
-        time = np.arange(len(command)) / _RATE
+            commands, q = followed(size)
+        time = np.arange(len(commands)) / _RATE
         found[name] = _difference(estimate, robot, k, ServoLog(
             "MuJoCo", names, time, q, commands, np.zeros_like(q), np.zeros_like(q), np.ones(q.shape, dtype=bool),
             np.ones(len(q)), np.zeros(q.shape, dtype=bool), kp,
