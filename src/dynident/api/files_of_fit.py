@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from dynident.actuators.estimate import ActuatorEstimate
 from dynident.data.log_places import is_address
 from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
+
+if TYPE_CHECKING:  # what simulates servos takes half a second to load
+    from dynident.actuators.estimate import ActuatorEstimate
 
 #: Folders above that of the estimate that are searched: results often lie in a folder beside the logs.
 _ABOVE = 2
