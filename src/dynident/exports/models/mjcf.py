@@ -56,7 +56,7 @@ class Mjcf(ModelExporter):
         if subject.source is not None and subject.source.kind == "mjcf":
             return self._own(subject, subject.source, path)
         files = {path: self._text(subject, drives), place_beside(path): document_bytes(subject, drives)}
-        left = left_out(drives, armature=True, coupled=True, springs=not subject.between)
+        left = left_out(drives, armature=True, coupled=True, springs=_springs(subject, drives))
         notes = [
             *anew_note(subject.source, subject.estimate, "MJCF"),
             "shapes are drawn and do not touch; meshes are left out",
@@ -80,11 +80,10 @@ class Mjcf(ModelExporter):
         rigid = rigid_torque(subject, states.motion)
         what = "bodies, armature, damping, Coulomb friction"
         if name := mujoco_version():
-            expected = rigid + drives.torque(states.motion, armature=True, coupled=True)
-            if drives.springs and not subject.between:
-                what, expected = f"{what}, springs", expected + drives.spring_torque(states.motion)
-            yield Reloaded(name, what, mujoco_torque(path, "mjcf", states), expected)
-            what = what.removesuffix(", springs")
+            expected, more = rigid + drives.torque(states.motion, armature=True, coupled=True), ""
+            if _springs(subject, drives):
+                expected, more = expected + drives.spring_torque(states.motion), ", springs"
+            yield Reloaded(name, what + more, mujoco_torque(path, "mjcf", states), expected)
         else:
             yield Reloaded("MuJoCo", why_not="not installed")
         if not (name := pinocchio_version()):
@@ -122,13 +121,18 @@ class Mjcf(ModelExporter):
             *geoms(robot.base_shapes, "    "),
             *sites(robot, -1, "    "),
         ]
-        balancers = () if subject.between else tuple(_Balancer(t, drives) for t in drives.springs if t.symbol == "Kb")
+        balancers = tuple(_Balancer(term, drives) for term in _springs(subject, drives) if term.symbol == "Kb")
         lines += [line for one in balancers for line in one.sites(robot, -1, "    ")]
-        lines += _bodies(subject, _Given(drives, balancers), -1, "    ")
+        lines += _bodies(subject, _Given(drives, _springs(subject, drives), balancers), -1, "    ")
         lines += ["  </worldbody>", *_tendons(drives, balancers), *_followers(robot)]
         if self.motors:
             lines += _motors(robot)
         return ("\n".join([*lines, "</mujoco>"]) + "\n").encode("utf-8")
+
+
+def _springs(subject: Identified, drives: Drives) -> tuple[Term, ...]:
+    """Return the springs that a new file holds: none where one body has several joints."""
+    return () if subject.between else drives.springs
 
 
 @dataclass(frozen=True)
@@ -168,12 +172,13 @@ class _Given:
     """What joints and bodies of a new file are given of the drives."""
 
     drives: Drives
+    springs: tuple[Term, ...]
     balancers: tuple[_Balancer, ...]
 
     def of_joint(self, name: str) -> list[float]:
         """Return armature, damping, friction loss, stiffness and the position without torque of a joint."""
         drives, j = self.drives, self.drives.joints.index(name)
-        springs = [t for t in drives.springs if t.part == "spring" and t.joint == name]
+        springs = [t for t in self.springs if t.part == "spring" and t.joint == name]
         stiffness = sum(t.value for t in springs)
         rest = sum(t.value * t.options["rest"] for t in springs) / stiffness if stiffness else 0.0
         return [*(float(value[j]) for value in drives.at_joints()), stiffness, rest]

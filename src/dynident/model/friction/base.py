@@ -225,7 +225,7 @@ class Friction(ABC):
 
     @property
     def cycle(self) -> float | None:
-        """Range of positions after which its torque repeats, in rad or m; None where it does not depend on position."""
+        """Range of positions after which its torque repeats, in rad or m; None where none is known."""
         return None
 
     @property

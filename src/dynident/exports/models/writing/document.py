@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -148,16 +148,16 @@ def place_beside(path: Path) -> Path:
     return path.with_name(f"{path.name}.dynident.json")
 
 
-def left_out(drives: Drives, *, armature: bool, coupled: bool, springs: bool = False) -> tuple[Term, ...]:
+def left_out(drives: Drives, *, armature: bool, coupled: bool, springs: Sequence[Term] = ()) -> tuple[Term, ...]:
     """Return the coefficients that a format cannot hold.
 
     Args:
         drives: The drives.
         armature: Whether it holds rotor inertias.
         coupled: Whether it holds drives that turn several joints.
-        springs: Whether it holds springs of drives that turn one joint.
+        springs: Those of ``Drives.springs`` that it holds.
     """
-    rest = tuple(term for term in drives.rest if not springs or term not in drives.springs)
+    rest = tuple(term for term in drives.rest if term not in springs)
     rotors: list[Term] = []
     if not armature:
         alone = drives.alone if not coupled else drives.alone | True
