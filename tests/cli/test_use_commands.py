@@ -136,7 +136,7 @@ def test_monitor_tells_alarms_of_a_stream_as_they_begin(
     monkeypatch.setattr("sys.stdin", StringIO(Path("contact.csv").read_text()))
     assert main(["monitor", "estimate.json", "-", *rules, "--json"]) == 1
     *alarms, end = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert end == {"schema": 2, "samples": 3000, "seconds": pytest.approx(29.99), "alarms": len(alarms)}
+    assert end == {"schema": 2, "samples": 3000, "seconds": pytest.approx(29.99), "alarms": len(alarms), "gaps": 0}
     assert [one["time"] for one in alarms] == pytest.approx(whole) and abs(alarms[0]["torque"]) > alarms[0]["threshold"]
     monkeypatch.setattr("sys.stdin", StringIO(Path("clean.csv").read_text()))
     assert main(["monitor", "estimate.json", "-", *rules, "--rate", "0.1", "--quiet"]) == 0
@@ -172,6 +172,8 @@ def test_predict_writes_torques_and_bands(cell: Path, capsys: pytest.CaptureFixt
     write_estimate(replace(estimate, columns=commanded), "commanded.json")  # a plan has no commands beside it
     assert main(["predict", "commanded.json", "planned.csv", "-o", "tau3.csv", "--quiet"]) == 0
     assert Path("tau3.csv").read_text() == Path("tau2.csv").read_text()
+    assert main(["validate", "commanded.json", "clean.csv", "--quiet"]) == 0
+    assert main(["monitor", "commanded.json", "clean.csv", "--clean", "train.csv", "--quiet"]) in (0, 1)
     assert main(["predict", "estimate.json", "clean.csv", "-o", "clean.csv"]) == 1
 
 

@@ -149,11 +149,14 @@ def _is_read(error: LogFormatError, columns: ColumnMap) -> bool:
 def reading_of(estimate: Estimate, case: Case | None) -> tuple[ColumnMap, Robot, Mapping[str, float]]:
     """Return columns, robot and locked joints with which a log is read: those of the fit, or of a case.
 
-    Drive gains that the case does not state are those of the estimate.
+    Drive gains that the case does not state are those of the estimate. Commanded motions, which an estimate does not
+    need, are read where they are there.
     """
     own = estimate.model.robot
     if case is None:
-        return estimate.columns, own, {}
+        commanded = [name for name in ("q_ref", "dq_ref") if getattr(estimate.columns, name)]
+        columns = replace(estimate.columns, optional=tuple(dict.fromkeys((*estimate.columns.optional, *commanded))))
+        return columns, own, {}
     gains = {joint.name: joint.drive.gain for joint in own.active}
     drives = {
         joint.name: replace(joint.drive, gain=gains[joint.name])

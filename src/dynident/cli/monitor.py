@@ -100,7 +100,7 @@ def _watch(monitor: Monitor, as_json: bool, case: Case | None) -> int:
     from dynident.results.text import counted, label
 
     names = monitor.observer.joint_names
-    samples = alarms = 0
+    samples = alarms = starts = 0
     first = last = 0.0
     steps: list[float] = []
     held = [0.0] * len(names)
@@ -109,7 +109,7 @@ def _watch(monitor: Monitor, as_json: bool, case: Case | None) -> int:
         if 0 < samples <= _RATE_SAMPLES:
             steps.append(reading.time - last)
         first, last = (reading.time if samples == 0 else first), reading.time
-        samples += 1
+        samples, starts = samples + 1, starts + reading.is_new
         held = [max(pair) for pair in zip(held, reading.held.tolist(), strict=True)]
         if samples == _RATE_SAMPLES and (told := monitor.other_rate(sorted(steps)[len(steps) // 2])):
             console.answer_line({"remark": told}) if as_json else console.answer(f"remark: {told}")
@@ -125,8 +125,11 @@ def _watch(monitor: Monitor, as_json: bool, case: Case | None) -> int:
             sys.stdout.flush()
     if remark := _resting(monitor, held):
         console.answer_line({"remark": remark}) if as_json else console.answer(f"remark: {remark}")
+    gaps = max(starts - 1, 0)
+    if remark := _anew(gaps):
+        console.answer_line({"remark": remark}) if as_json else console.answer(f"remark: {remark}")
     if as_json:
-        console.answer_line({"samples": samples, "seconds": last - first, "alarms": alarms})
+        console.answer_line({"samples": samples, "seconds": last - first, "alarms": alarms, "gaps": gaps})
     else:
         console.answer(f"{counted(alarms, 'alarm')} in {samples} samples, {last - first:.4g} s")
     return 1 if alarms else 0
@@ -146,6 +149,14 @@ def _resting(monitor: Monitor, held: Sequence[float]) -> str:
     start = ", and until presliding has moved on from the start," if any(part.lags for part in model.friction) else ""
     text = f"at rest{start} friction can hold a contact, which shows in no torque: thresholds are higher there by up to"
     return f"{text} {', '.join(told)}" if told else ""
+
+
+def _anew(gaps: int) -> str:
+    """Return what is to be said of gaps in time; empty for none."""
+    from dynident.results.text import counted
+
+    text = "the observer began anew behind each, and a contact within one is seen behind it, if it lasts"
+    return f"{counted(gaps, 'gap')} in time: {text}" if gaps else ""
 
 
 def _rates(text: str) -> list[float]:
@@ -189,8 +200,9 @@ def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) ->
             times = f"{alarm.start:.4f} to {alarm.end:.4f} s"
             sizes = f"{alarm.peak:.4g} against {alarm.threshold:.4g}"
             console.answer(f"alarm: {label(alarm.joint)}, {times}: {sizes}")
-        if remark := _resting(monitor, [figures["held"] for figures in one.figures()["joints"]]):
-            console.answer(f"remark: {remark}")
+        for remark in (_resting(monitor, [own["held"] for own in one.figures()["joints"]]), _anew(one.gaps)):
+            if remark:
+                console.answer(f"remark: {remark}")
         if one.mostly_above:
             console.answer(
                 f"remark: {', '.join(label(name) for name in one.mostly_above)}: above the threshold for most of the "

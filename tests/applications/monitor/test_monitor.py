@@ -165,6 +165,45 @@ def test_lines_of_text_say_what_the_log_does(
     np.testing.assert_allclose([one.residual for one in found], residual, atol=1e-6 * np.abs(residual).max())
 
 
+@pytest.mark.parametrize(("delay", "speeds"), [(0.013, False), (-0.004, True)])
+@pytest.mark.parametrize("push", [0.0, 5.0])
+def test_gaps_ring_no_alarm_and_a_contact_behind_one_does(
+    robot: Robot, estimate: Estimate, delay: float, speeds: bool, push: float, tmp_path: Path
+) -> None:
+    """Of 18 gaps of 0.1 to 0.7 s, in which the drives turn: a straight line over each would be a contact.
+
+    The contact begins in the last gap but two, and a stream of a tenth of the rate is followed as well.
+    """
+    late = replace(estimate, preprocessing=replace(estimate.preprocessing, delay_s=delay))
+    late = replace(late, columns=ColumnMap(joints=robot.joint_names))
+    clean, whole = (
+        [replace(log, ddq=None, dq=log.dq if speeds else None) for log in own]
+        for own in ([run_of(robot, seed) for seed in range(2, 8)], [run_of(robot, 9, seconds=24.0)])
+    )
+    monitor = calibrated(MomentumObserver(late), [signals_of(late, log) for log in clean], 1.0 / 3600.0)
+    keep, generator = np.ones(whole[0].samples, dtype=bool), np.random.default_rng(5)
+    starts = np.linspace(100, 2250, 18).astype(int)
+    for start in starts:
+        keep[start : start + generator.integers(10, 70)] = False
+    torque = np.array(whole[0].torque)
+    torque[starts[-3] + 5 :, 2] -= push * float(np.median(monitor.thresholds(signals_of(late, clean[0]))[:, 2]))
+    log = replace(whole[0], torque=torque).rows(keep, "samples were lost")
+    behind = float(log.time[np.searchsorted(log.time, whole[0].time[starts[-3]])])
+    found = run_monitor(monitor, log)
+    write_log(log, tmp_path / "gaps.csv")
+    lines = (tmp_path / "gaps.csv").read_text().splitlines()
+    stream = list(watch(monitor, lines))
+    rung = [(one.joint, one.start) for one in found.alarms]
+    live = [(name, one.time) for one in stream for name in one.alarms]
+    assert found.gaps == 18 and sum(one.is_new for one in stream) == 19
+    for each in (rung, live):
+        assert {name for name, _ in each} == ({robot.joint_names[2]} if push else set())
+        assert all(behind <= time for _, time in each)
+        assert not push or min(time for _, time in each) < behind + 0.1
+    slow = list(watch(monitor, [lines[0], *lines[1:-400:10]]))
+    assert sum(one.is_new for one in slow) <= 19 < len(slow) / 5
+
+
 def test_a_monitor_and_feed_forward_remember_as_the_model_does(robot: Robot) -> None:
     """Along a clean run the residual is that of the sampling alone; one that has slipped errs after each reversal."""
     model = DynamicModel(robot, tuple(FRICTION.make(name) for name in ("viscous", "presliding")))

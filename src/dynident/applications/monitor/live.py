@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,13 +19,14 @@ from dynident.model.robot import Robot
 
 @dataclass(frozen=True)
 class _Sample:
-    """One instant; ``dq`` is there."""
+    """One instant; ``is_first``: behind a gap."""
 
     time: float
     q: Array
     dq: Array
     torque: Array
     temperature: Array | None
+    is_first: bool = False
 
 
 def watch(
@@ -35,7 +36,7 @@ def watch(
 
     As for a log (:func:`dynident.applications.monitor.signals.signals_of`), without velocities they are differences,
     and positions and torques are means over the same two samples; the motion is shifted by the torque's delay in the
-    fit, linearly between samples. Time need not be uniform.
+    fit, linearly between samples. Time need not be uniform; nothing is made of samples on both sides of a gap.
 
     Args:
         monitor: The monitor.
@@ -49,10 +50,8 @@ def watch(
     """
     state = MonitorState()
     estimate = monitor.observer.estimate
-    for one in _beside(
-        _with_speed(_samples(estimate, lines, columns or estimate.columns, robot or estimate.model.robot)),
-        estimate.preprocessing.delay_s or 0.0,
-    ):
+    samples = _samples(estimate, lines, columns or estimate.columns, robot or estimate.model.robot)
+    for one in _beside(_with_speed(_behind_gaps(samples, monitor)), estimate.preprocessing.delay_s or 0.0):
         state, reading = step(monitor, state, one.time, one.q, one.dq, one.torque, one.temperature)
         yield reading
 
@@ -75,16 +74,25 @@ def _samples(
         yield _Sample(float(log.time[0]), log.q[0], speed, log.torque[0], warm), log.dq is not None
 
 
+def _behind_gaps(samples: Iterable[tuple[_Sample, bool]], monitor: Monitor) -> Iterator[tuple[_Sample, bool]]:
+    """Yield samples, of which those behind a gap say so."""
+    last, shortest = np.inf, np.inf
+    for one, moving in samples:
+        shortest = min(shortest, one.time - last) if one.time > last else shortest
+        yield replace(one, is_first=one.time - last > monitor.longest_step(shortest)), moving
+        last = one.time
+
+
 def _with_speed(samples: Iterable[tuple[_Sample, bool]]) -> Iterator[_Sample]:
     """Yield samples with velocities, those between two where they are differences."""
     last: _Sample | None = None
     for one, moving in samples:
         if moving:
             yield one
-        elif last is not None:
+        elif last is not None and not one.is_first:
             speed = (one.q - last.q) / (one.time - last.time)
             q, torque = 0.5 * (last.q + one.q), 0.5 * (last.torque + one.torque)
-            yield _Sample(0.5 * (last.time + one.time), q, speed, torque, one.temperature)
+            yield _Sample(0.5 * (last.time + one.time), q, speed, torque, one.temperature, last.is_first)
         last = one
 
 
@@ -96,6 +104,9 @@ def _beside(samples: Iterable[_Sample], delay: float) -> Iterator[_Sample]:
     motion: deque[_Sample] = deque()
     waiting: deque[_Sample] = deque()
     for one in samples:
+        if one.is_first:
+            motion.clear()
+            waiting.clear()
         motion.append(one)
         waiting.append(one)
         while waiting and waiting[0].time - delay <= motion[-1].time:

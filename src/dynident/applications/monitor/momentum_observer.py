@@ -24,6 +24,9 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.reduction import CHUNK
 
+#: Steps in which no drive turns unseen, nor does one within a time constant of the observer.
+UNSEEN = 2.5
+
 
 @dataclass(frozen=True)
 class MomentumObserver:
@@ -45,6 +48,13 @@ class MomentumObserver:
     def model(self) -> DynamicModel:
         """The model of the estimate."""
         return self.estimate.model
+
+    def longest_step(self, usual: float) -> float:
+        """Return the longest step between samples that it follows, in s; ``usual`` is one without a gap.
+
+        Over a longer one the torques are not known in between: it begins anew behind it.
+        """
+        return max(1.0 / self.gain, UNSEEN * usual)
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:

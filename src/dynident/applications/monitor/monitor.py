@@ -27,12 +27,6 @@ NEAR_RATE = 1.2
 #: Share of the clean runs in which a joint moves from which on their rests count by what static friction cannot hold.
 MOVING = 0.1
 
-#: A step longer than this many time constants of the observer starts it anew.
-LOST = 20.0
-
-#: Steps of the clean runs in which no drive turns unseen, nor does one within a time constant of the observer.
-UNSEEN = 2.5
-
 
 @dataclass(frozen=True)
 class Monitor:
@@ -76,6 +70,10 @@ class Monitor:
             "that false alarms are more or fewer than chosen; name clean runs of this rate (--clean), or send that rate"
         )
 
+    def longest_step(self, usual: float) -> float:
+        """Return the longest step of a stream that is no gap, in s, by its ``usual`` one and that of the clean runs."""
+        return self.observer.longest_step(max(usual, self.clean_steps[1]))
+
     def thresholds(self, run: Signals) -> Array:
         """Return the threshold of each joint along a run, shape (N, n), in N m or N."""
         return np.sum(self.parts(run), axis=0)
@@ -110,6 +108,7 @@ class MonitorState:
         held: How much of the residual static friction can be, and how much it could hold then, shape (n,) each.
         ends: States of friction from both ends at the start or a gap on, shape (n, s) each; None once they have come
             together.
+        shortest: Shortest step so far, in s.
     """
 
     time: float | None = None
@@ -122,6 +121,7 @@ class MonitorState:
     friction: Array | None = None
     held: tuple[Array, Array] | None = None
     ends: StatePaths | None = None
+    shortest: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -135,6 +135,7 @@ class MonitorSample:
         held: How much of it is what static friction can hold at rest, shape (n,).
         above: Joints above their threshold.
         alarms: Those of them whose alarm begins here.
+        is_new: Whether the observer begins here: at the start, and after a gap.
     """
 
     time: float
@@ -143,6 +144,7 @@ class MonitorSample:
     held: Array
     above: tuple[str, ...]
     alarms: tuple[str, ...]
+    is_new: bool = False
 
 
 @dataclass(frozen=True)
@@ -184,6 +186,7 @@ def calibrated(observer: MomentumObserver, clean: Sequence[Signals], rates: npt.
     wanted = np.broadcast_to(wanted, (model.robot.dof,))
     if not clean:
         raise LogMismatch("monitor", "no clean run", "give at least one log without contact")
+    clean = [part for run in clean for part in run.stretches(observer)]
     band, shares = _band_and_shares(observer, clean)
     steps = [run.step for run in clean]
     tails = shrunk(
@@ -245,8 +248,8 @@ def step(
 ) -> tuple[MonitorState, MonitorSample]:
     """Return the next state and the reading of one sample of a stream; start with ``MonitorState()``.
 
-    The residual is that of :func:`residuals_of` on a whole log, to rounding. After a gap of many time constants of the
-    observer it starts anew; after one in which a drive may have turned, presliding may be anywhere.
+    The residual is that of :func:`residuals_of` on a whole log, to rounding. After a gap
+    (:meth:`MomentumObserver.longest_step`) the observer begins anew, and presliding may be anywhere.
 
     Args:
         monitor: The monitor.
@@ -264,11 +267,9 @@ def step(
     observer, names = monitor.observer, monitor.observer.joint_names
     here, speed, effort = (_row(names, name, one) for name, one in (("q", q), ("dq", dq), ("torque", torque)))
     warm = None if temperature is None else _row(names, "temperature", temperature)
-    if not np.isfinite(time) or (state.time is not None and time <= state.time):
-        raise LogMismatch("stream", f"time {time:g} s after {state.time} s", "send samples in order, each once")
-    way = here if state.q is None else np.stack([np.asarray(state.q), here[0]])
-    since = 0.0 if state.time is None else time - state.time
-    speeds, is_new = np.repeat(speed, len(way), axis=0), state.time is None or since * observer.gain > LOST
+    way, since = here if state.q is None else np.stack([np.asarray(state.q), here[0]]), _since(state, time)
+    is_new = state.time is None or since > monitor.longest_step(min(state.shortest, since))
+    speeds = np.repeat(speed, len(way), axis=0)
     states, ends = _states_after(monitor, state, is_new, Motion(way, speeds, np.zeros_like(way)), since)
     terms = observer.equations.at(here, speed, warm, states, ends, observer.equations.rests(speed, since))
     momentum, push = terms.momentum, effort - terms.drift
@@ -292,8 +293,16 @@ def step(
         friction=None if states is None else states[0],
         held=(held, terms.held[0]),
         ends=None if ends is None or np.array_equal(*ends) else (ends[0][0], ends[1][0]),
+        shortest=min(state.shortest, since or np.inf),
     )
-    return following, MonitorSample(float(time), residual, threshold, held, named, begun)
+    return following, MonitorSample(float(time), residual, threshold, held, named, begun, is_new)
+
+
+def _since(state: MonitorState, time: float) -> float:
+    """Return the time since the sample before, in s; 0 at the first one."""
+    if not np.isfinite(time) or (state.time is not None and time <= state.time):
+        raise LogMismatch("stream", f"time {time:g} s after {state.time} s", "send samples in order, each once")
+    return 0.0 if state.time is None else time - state.time
 
 
 def _followed(
@@ -327,13 +336,13 @@ def _states_after(
 ) -> tuple[Array | None, StatePaths | None]:
     """Return the states of friction (1, n, s) after a way of one or two samples, and those from both ends.
 
-    Where the drives may have turned on the way, friction that builds up over a distance may have any state after it.
+    Where the observer begins anew they may have turned on the way: friction that builds up over a distance may have any
+    state after it.
     """
     model = monitor.observer.model
-    may_turn = is_new or since > max(1.0 / monitor.observer.gain, UNSEEN * monitor.clean_steps[1])
     states = model.with_states(way, since, state.friction).state
     last = None if states is None else states[-1:]
-    paths = end_states(model, last) if may_turn else state_paths(model, way, since, state.ends)
+    paths = end_states(model, last) if is_new else state_paths(model, way, since, state.ends)
     return last, None if paths is None else (paths[0][-1:], paths[1][-1:])
 
 

@@ -11,6 +11,7 @@ from dynident.applications.monitor.monitor import APART, Alarm, Monitor
 from dynident.applications.monitor.signals import residuals_of, signals_of
 from dynident.arrays import Array
 from dynident.data.log import Log
+from dynident.errors import LogMismatch
 
 #: Share of a log above the threshold that is no contact any more.
 MOSTLY = 0.5
@@ -29,6 +30,7 @@ class Monitored:
         held: How much of it is what static friction can hold at rest, shape (N, n).
         alarms: In order of time.
         other_rate: What to do where the log is at another sampling rate than the clean runs; empty where it is not.
+        gaps: Number of gaps in time behind which the observer began anew.
     """
 
     log: str
@@ -39,6 +41,7 @@ class Monitored:
     held: Array
     alarms: tuple[Alarm, ...]
     other_rate: str = ""
+    gaps: int = 0
 
     @property
     def seconds(self) -> float:
@@ -59,6 +62,7 @@ class Monitored:
             "seconds": self.seconds,
             "samples": len(self.time),
             "other_rate": self.other_rate,
+            "gaps": self.gaps,
             "alarms": [asdict(alarm) for alarm in self.alarms],
             "joints": [
                 {
@@ -75,30 +79,30 @@ class Monitored:
 
 
 def run_monitor(monitor: Monitor, log: Log) -> Monitored:
-    """Return what a monitor says about a log.
+    """Return what a monitor says about a log; behind a gap in time the observer begins anew.
 
     Args:
         monitor: The monitor.
         log: Raw, with positions and torques.
 
     Raises:
-        LogMismatch: The log does not fit the robot, or has no torques.
+        LogMismatch: The log does not fit the robot, has no torques, or gaps that leave no stretch of ten samples.
     """
     observer = monitor.observer
-    signals = signals_of(observer.estimate, log)
-    residual = residuals_of(observer, signals)
-    own, held = monitor.parts(signals)
-    threshold = own + held
-    names = observer.model.robot.joint_names
+    whole = signals_of(observer.estimate, log)
+    parts = whole.stretches(observer)
+    if not parts:
+        raise LogMismatch(whole.name, "gaps everywhere: no ten samples in a row", "log without losing samples")
+    time, residual = np.concatenate([one.time for one in parts]), [residuals_of(observer, one) for one in parts]
+    own, held = (np.concatenate(each) for each in zip(*map(monitor.parts, parts), strict=True))
+    residual, threshold, names = np.concatenate(residual), own + held, observer.model.robot.joint_names
     found = [
         alarm
         for j, name in enumerate(names)
-        for alarm in _alarms(name, signals.time, residual[:, j], threshold[:, j], APART / observer.gain)
+        for alarm in _alarms(name, time, residual[:, j], threshold[:, j], APART / observer.gain)
     ]
-    alarms = tuple(sorted(found, key=lambda one: one.start))
-    return Monitored(
-        signals.name, names, signals.time, residual, threshold, held, alarms, monitor.other_rate(signals.step)
-    )
+    alarms, other_rate = tuple(sorted(found, key=lambda one: one.start)), monitor.other_rate(whole.step)
+    return Monitored(whole.name, names, time, residual, threshold, held, alarms, other_rate, len(parts) - 1)
 
 
 def _alarms(name: str, time: Array, residual: Array, threshold: Array, apart: float) -> list[Alarm]:
