@@ -19,7 +19,8 @@ from dynident.identification.build_problem import build_problem
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
-from dynident.identification.problem.problem import Problem
+from dynident.identification.identify import identify
+from dynident.identification.problem.problem import Problem, make_problem
 from dynident.identification.residuals.bands import bands, filter_power
 from dynident.identification.residuals.coloured import (
     Influence,
@@ -33,10 +34,14 @@ from dynident.identification.residuals.row_passes import RowPasses
 from dynident.identification.residuals.stretches import stretches
 from dynident.identification.simulated.estimators.kalman import bands_of_rows
 from dynident.identification.uncertainty.bootstrap import BootstrapDraws, automatic_block, block_bootstrap
+from dynident.identification.uncertainty.propagation import field_covariance
 from dynident.identification.uncertainty.trust import refit_draws, with_diagnostics
+from dynident.model.base_parameters import base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction.balancer import Balancer
 from dynident.model.reduction import least_squares
 from dynident.model.robot import Robot
-from noisy_arms import Bench
+from noisy_arms import GIVEN, Bench
 
 MakeLog = Callable[..., Log]
 
@@ -249,3 +254,43 @@ def test_possible_robots_are_drawn_and_vary_no_more_than_free_ones(bench: Bench)
     with pytest.raises(BadOption, match="bootstrap = 5"):
         with_diagnostics(estimate, problem, Consistent(), draws=5)
     assert isinstance(draws, BootstrapDraws) and draws.block == 0.0
+
+
+def with_ratio(bench: Bench, ratio: float) -> DynamicModel:
+    return replace(bench.model, friction=(*bench.model.friction, Balancer(ratio=ratio, vary=("ratio",))))
+
+
+def balanced(bench: Bench, exact_log: MakeLog, seed: int) -> Log:
+    """Return a noisy log of an arm with balancers of ratio 2."""
+    exact = exact_log(with_ratio(bench, 2.0), np.append(bench.theta, BALANCERS), samples=1200)
+    return replace(exact, torque=np.asarray(exact.torque) + bench.white(seed, 0.02))
+
+
+#: Kb and Fb of the joints.
+BALANCERS = (1.0, 0.5, -12.0, -6.0)
+
+
+def test_intervals_count_that_a_field_of_friction_was_found(bench: Bench, exact_log: MakeLog) -> None:
+    errors = []
+    for seed in range(20):
+        estimate = identify(with_ratio(bench, 3.0), [balanced(bench, exact_log, seed)], "wls", GIVEN)
+        truth = base_parameters(estimate.model).from_standard(np.append(bench.theta, BALANCERS))
+        errors.append((estimate.beta - truth) / estimate.std)
+    spread = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert np.all((spread > 0.5) & (spread < 1.6)), spread
+
+
+def test_estimates_move_with_a_field_as_their_covariance_says(bench: Bench, exact_log: MakeLog) -> None:
+    problem = build_problem(with_ratio(bench, 3.0), [balanced(bench, exact_log, 3)], GIVEN)
+    assert problem.choices.non_linear is not None
+    (field,) = problem.choices.non_linear
+    own = np.log(field.high / field.low) / 2.0
+    beta, weights = weights_of(problem)
+    sides = []
+    for by in (-0.02, 0.02):
+        model = with_ratio(bench, field.value * float(np.exp(by)))
+        sides.append(make_problem(model, problem.base, problem.logs).reduced(weights))
+    moved = np.subtract(*(least_squares(side).beta for side in reversed(sides))) / 0.04
+    added = field_covariance(problem, weights, beta)
+    np.testing.assert_allclose(added, np.outer(moved, moved) * own**2, rtol=0.05, atol=0.02 * float(np.max(added)))
+    assert not field_covariance(bench.problem(bench.white(0)), weights, beta[: bench.base.count]).any()

@@ -195,7 +195,7 @@ def _exact_count(model: DynamicModel) -> int | None:
     from dynident.applications.identifiability import structure
     from dynident.errors import SolverFailed
 
-    springs = any(part.is_of_position and part.cycle is None for part in model.friction)  # they act as weight
+    springs = any(part.is_spring for part in model.friction)  # they act as weight
     if model.robot.chain.has_mimic or springs:
         return None
     try:

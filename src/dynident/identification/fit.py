@@ -22,7 +22,7 @@ from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.coloured import spectral_uncertainty
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.selection.friction.load import PASSES, agrees, with_load
-from dynident.identification.uncertainty.propagation import gain_uncertainty
+from dynident.identification.uncertainty.propagation import field_covariance, gain_uncertainty
 from dynident.identification.validate import validate_prepared
 from dynident.model.base_parameters import base_parameters
 from dynident.model.reduction import least_squares
@@ -60,6 +60,7 @@ def fit(problem: Problem, estimator: Estimator, progress: Callable[[str], None] 
     if covariance is None:
         found = spectral_uncertainty(problem, solution.weights, solution.beta)
         pull = solution.pull(problem)
+        found = found.with_prior(field_covariance(problem, solution.weights, solution.beta))
         covariance, degrees = found.covariance + np.outer(pull, pull), found.degrees
     return Estimate(
         model=model,

@@ -299,7 +299,7 @@ def thin_fit(case: Case, log: Log) -> QuickFit | None:
     friction = [each for part in parts for each in _by_kind(part, case.robot)]
     if rotors:
         friction.append(RotorInertia(joints=None if len(rotors) == case.robot.dof else rotors))
-    friction += [part for part in case.friction if _is_spring(part)]
+    friction += _stated_springs(case)
     model = DynamicModel(_without_rotors(case.robot) if known else case.robot, tuple(friction))
     cutoff = min(CUTOFF_HZ, case.preprocessing.filter.bandwidth() or CUTOFF_HZ)
     how = Preprocessing(
@@ -357,13 +357,12 @@ def asked_inertias(case: Case) -> frozenset[str]:
 
 def beyond_quick_fit(case: Case) -> list[Friction]:
     """Return the friction parts of a case that the quick fit has not."""
-    known = [part for part in case.friction if part.is_default or all(part.is_inertia) or _is_spring(part)]
-    return [part for part in case.friction if part not in known]
+    known = [part for part in case.friction if part.is_default or all(part.is_inertia)]
+    return [part for part in case.friction if part not in (*known, *_stated_springs(case))]
 
 
-def _is_spring(part: Friction) -> bool:
-    """Return whether a part is stated and its torque follows the position, without a cycle."""
-    return part.is_of_position and part.cycle is None and not part.is_optional
+def _stated_springs(case: Case) -> list[Friction]:
+    return [part for part in case.friction if part.is_spring and not part.is_optional]
 
 
 def _without_rotors(robot: Robot) -> Robot:

@@ -271,7 +271,7 @@ def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) 
 
 def check_friction(model: DynamicModel, base: BaseParameters) -> None:
     """Refuse friction parts whose coefficients count in combination alone, whatever the motion; springs may."""
-    spring = [part.is_of_position and part.cycle is None for part in model.friction for _ in part.coefficients]
+    spring = [part.is_spring for part in model.friction for _ in part.coefficients]
     grouped = base.matters & np.array([p.kind == "friction" for p in base.parameters])
     grouped[:, model.inertial_count :] &= ~np.array(spring, dtype=bool)[model.terms[1]]
     grouped[:, base.independent] = False

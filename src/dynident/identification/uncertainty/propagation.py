@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dynident.arrays import Array
@@ -9,13 +11,16 @@ from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption
 from dynident.identification.consistency.consistent_fit import scale_of
 from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.problem.choices import GainUncertainty
+from dynident.identification.problem.choices import FieldEstimate, GainUncertainty
 from dynident.identification.problem.prior import PULL
 from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import RegressorStream, Segments
 from dynident.identification.residuals.row_passes import RowPasses
-from dynident.model.friction import Motion
+from dynident.model.friction import Motion, called
 from dynident.model.reduction import least_squares
+
+#: Step of the logarithm of a field on either side, for its slope.
+STEP = 0.01
 
 
 def standard_covariance(estimate: Estimate, problem: Problem, pull: float = PULL) -> Array:
@@ -113,6 +118,43 @@ def gain_slopes(problem: Problem, weights: Array, passes: RowPasses | None = Non
         passes.products(drives[:, [k]] * (coupling[k] * np.asarray(weights) ** 2)) for k in range(len(coupling))
     ]
     return least_squares(problem.reduced(weights)).unscaled_covariance @ np.column_stack(products)
+
+
+def field_covariance(problem: Problem, weights: Array, beta: Array) -> Array:
+    """Return what estimated fields of friction parts add to the covariance of weighted least squares, shape (b, b).
+
+    With D the slopes of the torque by the logarithms of the fields, beta moves by S = -A^-1 X'D as they do. Stated are
+    the deviations s of the fields; their correlations are those of (D'D + X'D S)^-1 (Golub and Pereyra 1973).
+
+    Args:
+        problem: The problem.
+        weights: Weight of each joint's rows, shape (n,).
+        beta: The estimate, shape (b,).
+    """
+    found = problem.choices.non_linear or ()
+    if not found:
+        return np.zeros((len(beta), len(beta)))
+    passes = RowPasses(problem)
+    slopes = [_field_slope(problem, each, beta) * passes.counting * weights for each in found]
+    products = np.column_stack([passes.products(slope * weights) for slope in slopes])
+    moved = -least_squares(problem.reduced(weights)).unscaled_covariance @ products
+    flat = np.reshape(slopes, (len(slopes), -1))
+    inverse = np.linalg.pinv(flat @ flat.T + products.T @ moved, hermitian=True)
+    size = [max(each.high / each.value, each.value / each.low) for each in found]
+    moved *= np.log(size) / np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
+    return moved @ inverse @ moved.T
+
+
+def _field_slope(problem: Problem, field: FieldEstimate, beta: Array) -> Array:
+    """Return the slope of the filtered torque by the logarithm of a field, shape (N, n)."""
+    friction, sides = problem.model.friction, []
+    own = {p for p, part in enumerate(friction) if (called(part), part.joints) == (field.part, field.joints)}
+    for value in (field.value * np.exp(-STEP), field.value * np.exp(STEP)):
+        parts = [replace(each, **{field.field: float(value)}) if p in own else each for p, each in enumerate(friction)]
+        stream = RegressorStream(replace(problem.model, friction=tuple(parts)), problem.base, problem.regressor.load)
+        sides.append([stream.predict(log.log, beta) for log in problem.logs])
+    changes = zip(problem.logs, *sides, strict=True)
+    return np.concatenate([log.smooth((b - a).T).T[log.keep] for log, a, b in changes]) / (2.0 * STEP)
 
 
 def gain_uncertainty(problem: Problem, weights: Array) -> GainUncertainty | None:

@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dynident.errors import BrokenPart
-from dynident.model.friction.base import WHOLE, Coefficient, Friction, Motion, SelectionUse
+from dynident.model.friction._motion import Motion
+from dynident.model.friction.base import WHOLE, Coefficient, Friction, SelectionUse
 from dynident.plugins import Family
 
 if TYPE_CHECKING:

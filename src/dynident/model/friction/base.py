@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray, IntArray
+from dynident.arrays import Array, BoolArray
 from dynident.errors import BadOption
 from dynident.model.friction._expression import Expression, Inputs, stacked
+from dynident.model.friction._motion import Motion
 from dynident.model.kernels.trace import (
     Number,
     Scalar,
@@ -29,58 +30,6 @@ from dynident.model.kernels.trace import (
 __all__ = ["WHOLE", "Coefficient", "Friction", "Inputs", "Motion", "Number", "Range", "SelectionUse", "State"]
 __all__ += ["check_positive", "cosine", "exponential", "larger", "power", "sine", "smaller", "smooth_sign"]
 __all__ += ["tangent_hyperbolic"]
-
-
-@dataclass(frozen=True)
-class Motion:
-    """What a friction column may see, at the drives (motor side where motors are coupled).
-
-    Attributes:
-        q: Positions, shape (N, n), in rad or m.
-        dq: Velocities, shape (N, n), in rad/s or m/s.
-        ddq: Accelerations, shape (N, n), in rad/s^2 or m/s^2.
-        torque: Torque of the model without friction (rigid bodies and rotors), shape (N, n), in N m or N; None where
-            not known.
-        temperature: Temperature of each drive, shape (N, n), in degrees Celsius; None where the log has none.
-        state: States of all friction parts in their order, shape (N, n, s); None where they are not known.
-    """
-
-    q: Array
-    dq: Array
-    ddq: Array
-    torque: Array | None = None
-    temperature: Array | None = None
-    state: Array | None = None
-
-    @cached_property
-    def runs(self) -> list[tuple[list[float], IntArray, Array, Array]]:
-        """Of each drive from reversal to reversal: ways between, samples, signs (r,); way of each sample since (N,)."""
-        found = []
-        for q in np.ascontiguousarray(self.q.T):
-            starts = np.concatenate([[0], np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1])
-            turns, samples = q[starts], np.diff(starts, append=len(q))
-            side = np.where(np.diff(turns, append=q[-1]) >= 0, 1.0, -1.0)
-            found.append((np.diff(turns).tolist(), samples, side, np.abs(q - np.repeat(turns, samples))))
-        return found
-
-    def at_motors(self, coupling: Array) -> Motion:
-        """Return the motion of the motors: positions, velocities and accelerations times C', torques times C^-1."""
-        torque = None if self.torque is None else np.linalg.solve(coupling.T, self.torque.T).T
-        moved = (self.q @ coupling.T, self.dq @ coupling.T, self.ddq @ coupling.T)
-        return Motion(*moved, torque, self.temperature, self.state)
-
-    def of_drives(self, drives: Sequence[int] | IntArray) -> Motion:
-        """Return the motion of some of the drives, in the order given."""
-        chosen = np.asarray(drives, dtype=np.int64)
-        return self._each(lambda signal: signal[:, chosen])
-
-    def rows(self, part: slice | IntArray) -> Motion:
-        """Return the motion of some of the samples."""
-        return self._each(lambda signal: signal[part])
-
-    def _each(self, cut: Callable[[Array], Array]) -> Motion:
-        known = (getattr(self, own.name) for own in fields(self))
-        return Motion(*(None if signal is None else cut(signal) for signal in known))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -286,6 +235,11 @@ class Friction(ABC):
     def is_of_position(self) -> bool:
         """Whether its torque follows the position alone, as that of a spring or a ripple."""
         return frozenset().union(*self.expression.reads) == {"q"}
+
+    @property
+    def is_spring(self) -> bool:
+        """Whether it acts as a spring does: its torque follows the position and repeats after no cycle."""
+        return self.is_of_position and self.cycle is None
 
     @cached_property
     def is_inertia(self) -> tuple[bool, ...]:
