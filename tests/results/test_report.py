@@ -26,6 +26,7 @@ from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import Choices, DelayRecord
 from dynident.identification.problem.method_run import MethodRun
 from dynident.model.robot import Robot
+from dynident.results.motion_proof import not_run_lines
 from dynident.results.plan_view import PlanView
 from dynident.results.report import Comparison, Subject, build_report, builder, write_report
 from dynident.results.report.builder import ORDER, render, section_names
@@ -98,6 +99,15 @@ def simulated() -> MotionProof:
         FollowedMotion("MuJoCo", "pd", 0.002, why_not="not installed"),
     )
     return MotionProof("runs/test.csv", 2.5, 10.0, runs, (40.0, 50.0), None)
+
+
+def test_a_motion_that_is_followed_in_part_says_why() -> None:
+    proof = simulated()
+    short = replace(proof, runs=(replace(proof.runs[0], duration=0.6), *proof.runs[1:]))
+    assert [line for line in not_run_lines(short) if line not in not_run_lines(proof)] == [
+        "dynident: the first 0.6 s only; friction of a light joint asks for steps of 2 µs at most, and no more than"
+        " 300,000 are made"
+    ]
 
 
 def drawings(text: str) -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dynident.exports.models.proving.followed_motion import FollowedMotion, MotionProof
+from dynident.exports.models.proving.followed_motion import MOST_STEPS, FollowedMotion, MotionProof
 from dynident.results.text import Column, Table, format_number, format_percent, label
 
 
@@ -45,9 +45,13 @@ def _row(run: FollowedMotion) -> tuple[str, ...]:
 
 
 def not_run_lines(proof: MotionProof) -> Iterator[str]:
-    """Yield what was not run, and why."""
+    """Yield what was not run or not to its end, and why."""
     for reason in dict.fromkeys((run.simulator, run.why_not) for run in proof.runs if run.why_not):
         yield f"not simulated with {reason[0]}: {label(reason[1])}"
+    shorter = [run for run in proof.runs if not (run.why_not or run.failure) and run.duration < 0.99 * proof.duration]
+    for run in {run.simulator: run for run in shorter}.values():
+        step = f"steps of {1e6 * run.duration / MOST_STEPS:.2g} µs at most, and no more than {MOST_STEPS:,} are made"
+        yield f"{label(run.simulator)}: the first {run.duration:.3g} s only; friction of a light joint asks for {step}"
 
 
 def condition_line(proof: MotionProof) -> str:

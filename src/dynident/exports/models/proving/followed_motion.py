@@ -6,6 +6,9 @@ from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
 
+#: Steps of the own integration at most, as friction of light joints asks for short ones; the motion is cut there.
+MOST_STEPS = 300_000
+
 
 @dataclass(frozen=True)
 class FollowedMotion:

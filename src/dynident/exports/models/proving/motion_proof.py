@@ -22,7 +22,7 @@ from dynident.data.log import Log
 from dynident.errors import BadOption, DynidentError, NotConsistent, SolverFailed
 from dynident.exports.models.mjcf import Mjcf
 from dynident.exports.models.proving.engines import mujoco_version, without_log
-from dynident.exports.models.proving.followed_motion import FollowedMotion, MotionProof
+from dynident.exports.models.proving.followed_motion import MOST_STEPS, FollowedMotion, MotionProof
 from dynident.exports.models.proving.logged_motion import LoggedMotion, logged_motion
 from dynident.exports.models.subject.drives import Drives, drives_of
 from dynident.exports.models.subject.identified import Identified, identified
@@ -44,9 +44,6 @@ STEPS = (0.001, 0.002)
 
 #: Ticks of the controllers of the own simulator, a second.
 RATE = 1000.0
-
-#: Steps of the own integration at most, as friction of light joints asks for short ones; the motion is cut there.
-MOST_STEPS = 300_000
 
 #: A joint whose motion spans less, in rad or m, is judged by this span.
 LEAST_SPAN = 0.1
