@@ -134,6 +134,16 @@ def test_what_the_robot_itself_hides() -> None:
     assert estimate.base.names[estimate.base.weak[0]] in found
 
 
+def test_load_friction_beside_a_spring_is_told_at_its_joints_alone() -> None:
+    model, log = recorded()
+    first, second = model.robot.joint_names[:2]
+    for joint, is_told in ((first, True), (second, False)):
+        parts = (FRICTION.make("load", {"joints": [first]}), FRICTION.make("spring", {"joints": [joint]}))
+        estimate = identify(replace(model, friction=(*model.friction, *parts)), [log], "wls", preprocessing=HOW)
+        told = [text for text in warnings_of(estimate) if "without the spring" in text]
+        assert [text.partition(":")[0] for text in told] == [f"{first} (spring)"] * is_told
+
+
 @pytest.mark.parametrize(("number", "count"), [(999.0, 0), (1001.0, 1)])
 def test_a_poor_condition_number(number: float, count: int) -> None:
     model, log = recorded()

@@ -66,6 +66,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
         found.append(f"condition number {size}: single parameters are poorly determined; excite all joints")
     found += _weak(estimate)
     found += _at_ends(estimate)
+    found += _springs_beside_load(estimate)
     if test is not None and test.departure is not None and estimate.envelope is not None and test.departure.leaves():
         found.append(test.departure.sentence(estimate.envelope))
     found += () if test is None else start_sentences(test.start_states)
@@ -113,6 +114,18 @@ def _at_ends(estimate: Estimate) -> list[str]:
             start = f"{held.part}{where}: the given {held.field} {held.not_tried}; the search began at {held.best:.3g}"
             lines.append(f"{start}: log {more} to identify it")
     return lines
+
+
+def _springs_beside_load(estimate: Estimate) -> list[str]:
+    """Name the drives whose load friction leaves a spring of theirs out of the load."""
+    model = estimate.model
+    loaded = {j for part in model.friction if "torque" in part.needs for j in model.drives_of(part)}
+    springs = {j: called(part) for part in model.friction if part.is_spring for j in model.drives_of(part)}
+    named = ", ".join(
+        f"{name} ({springs[j]})" for j, name in enumerate(model.robot.joint_names) if j in loaded & {*springs}
+    )
+    what = "load friction takes the torque of links and rotors alone as the load of the drive, without the spring"
+    return [f"{named}: {what}; leave it out of these joints, or take its coefficient as a fit only"] if named else []
 
 
 def _unlike(estimate: Estimate, test: Validation) -> list[str]:
