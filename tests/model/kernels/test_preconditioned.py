@@ -41,6 +41,14 @@ def test_the_gram_matrix_is_that_of_the_quotient(width: int, monkeypatch: pytest
             np.testing.assert_array_equal(rows, kept)
 
 
+def test_below_the_diagonal_stands_no_memory_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Infinities there would be NaN and a warning where the triangle is taken, as a product with zeros."""
+    factor, rows = triangle_and_rows(38, 1000)
+    maker = Preconditioned()
+    monkeypatch.setattr(np, "empty", lambda shape, order="C": np.full(shape, np.inf, order=order))
+    assert np.isfinite(maker.gram(factor, rows)).all()
+
+
 def test_few_rows_and_narrow_ones_are_not_taken() -> None:
     maker = Preconditioned()
     assert maker.takes(np.zeros((32, 4))) and maker.takes(np.zeros((1000, 60)))

@@ -33,7 +33,7 @@ class Preconditioned:
         return len(rows) >= self._fewest and rows.shape[1] >= _TILE
 
     def gram(self, factor: Array, rows: Array) -> Array:
-        """Return I + W'W with W = A R^-1, its upper triangle, shape (k, k); what stands below it is undefined.
+        """Return I + W'W with W = A R^-1, its upper triangle, shape (k, k); below it stand numbers, no more.
 
         The quotient has a small backward error entry by entry, |A - W R| <= k eps |W| |R| (Higham 2002, theorem 8.5).
         A triangle that cannot be divided by gives infinities or NaN. The interpreter's lock is not held.
@@ -56,7 +56,7 @@ class Preconditioned:
             self._room = np.empty(size * whole)
         if whole > count:
             self._room[: size * whole].reshape(size, whole)[:, count:] = 0.0
-        gram = np.empty((size, size), order="F")
+        gram = np.zeros((size, size), order="F")
         self._call(size, count, whole, address(rows.T), address(factor.T), address(self._room), address(gram.T))
         return gram
 
