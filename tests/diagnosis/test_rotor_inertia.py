@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.faults.trials import Trial, virtual
+from benchmarks.faults.injections import sprung
+from benchmarks.faults.trials import Trial, subject_of, virtual
 
 import dynident as di
 from dynident.case.case import Case, read_case
@@ -143,3 +144,18 @@ def test_a_displaced_axis_is_no_counterbalance(six: Case, tmp_path: Path) -> Non
     assert frame.joint == six.robot.joint_names[1]
     assert abs(frame.numbers[f"distance_m {frame.joint}"] - 0.05) < 0.01
     assert "counterbalance" not in [one.name for one in found]
+
+
+def test_what_explains_as_well_as_a_cause_that_is_sure_beside_axes_stands_beside_them_as_well(
+    six: Case, tmp_path: Path
+) -> None:
+    """Over a short way a spring is a counterbalance; of what an axis explains as well, nothing stands."""
+    trends = subject_of(sprung(virtual(six, 0), 0.4, 3), tmp_path).trends
+    assert trends is not None
+    (spring,) = [blame for blame in trends.blames if blame.cause.name == "spring"]
+    (other,) = [one for one in trends.causes if (one.name, one.joint) == ("counterbalance", spring.cause.joint)]
+    for name, stands in (("counterbalance", True), ("turned axis", False)):
+        trends.__dict__["_beside_frames"] = (
+            replace(spring, cause=replace(other, name=name), rivals=(replace(spring, rivals=()),)),
+        )
+        assert trends.is_sure_beside_frames(spring.cause) == stands

@@ -21,7 +21,7 @@ from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.model.robot import Robot
 
 #: Names of the causes that are errors of a link's frame, by rad and by m.
-TURNED_AXIS, MOVED_AXIS = "turned axis", "displaced axis"
+AXES = TURNED_AXIS, MOVED_AXIS = "turned axis", "displaced axis"
 
 #: Turn of an axis in rad, and displacement over the reach, beyond which straight lines hold for neither.
 FAR_TURN, FAR_MOVE = 0.6, 0.2

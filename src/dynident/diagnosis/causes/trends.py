@@ -14,7 +14,7 @@ from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_figures import figure_beside, figured
 from dynident.diagnosis.causes.cause_search import CHANCE, Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import frame_errors
-from dynident.diagnosis.causes.frame_search import axes_off, blames_beside_frames
+from dynident.diagnosis.causes.frame_search import AXES, axes_off, blames_beside_frames
 from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.model_error import FitErrors, ModelError
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
@@ -51,9 +51,13 @@ class Trends:
         return axes_off(self._beside_frames, self.fit.model.robot)
 
     def is_sure_beside_frames(self, cause: Cause) -> bool:
-        """Return whether a cause is sure where axes of the robot model may be off as well, or no axis explains it."""
+        """Return whether a cause is sure where axes of the robot model may be off as well, or no axis explains it.
+
+        So is one that explains the log about as well as another cause that is, and is no axis.
+        """
         others = {(one.name, one.joint) for one in self.causes} - {("friction drift", "")}
-        beside = {(blame.cause.name, blame.cause.joint) for blame in self._beside_frames}
+        sure = [blame for blame in self._beside_frames if blame.cause.name not in AXES]
+        beside = {(each.cause.name, each.cause.joint) for blame in sure for each in (blame, *blame.rivals)}
         key = (cause.name, cause.joint)
         return key in beside or key not in others or cause.name == "friction curve"
 
