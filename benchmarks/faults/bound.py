@@ -50,7 +50,8 @@ def log_tells(grade: str, sure: float, clean: CleanLog) -> bool:
     trends = clean.subject.trends
     if grade == "wide":
         return Z95 / sure <= WIDE
-    return bool(grade or trends is None or len(trends.causes) * chi_square_tail(sure**2, 1) < CHANCE)
+    kinds = {(cause.name, bool(cause.joint)) for cause in trends.causes} if trends else ()
+    return bool(grade or trends is None or len(kinds) * chi_square_tail(sure**2, 1) < CHANCE)
 
 
 def _torque(faulty: Trial, right: Trial, fit: QuickFit, folder: Path) -> Array | None:

@@ -72,7 +72,7 @@ STRENGTHS = {
     "drift [of torque]": 0.2,
     "friction warms up [of torque]": 0.05,
     "torque scale of a joint [share]": 0.1,
-    "torque scale of all [share]": 0.06,
+    "torque scale of all [share]": 0.05,
     "payload [kg]": 0.5,
     "tilt of the base [deg]": 3.0,
 }

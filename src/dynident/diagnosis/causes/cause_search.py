@@ -8,6 +8,7 @@ of its neighbours. Where the log does not tell it from others, these are its riv
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -265,29 +266,27 @@ class CauseSearch:
             for line in (1.0, 2.0)
         )
         level = FALSE * (1 + len(chosen))
-        best = (k for k in sorted(rest, key=lambda k: -merits[k]) if self._may_be_sure(falls[k], len(rest), k, level))
+        best = (k for k in sorted(rest, key=lambda k: -merits[k]) if self._may_be_sure(falls[k], rest[k], k, level))
         return {k: most[k] for k in islice(best, FITTED)}
 
     def _may_be_sure(self, ratio: float, tried: int, k: int, level: float) -> bool:
         """Return whether a cause may be sure in a fit of its own, by what its straight line is at most."""
         return bool(tried * chi_square_tail(2.0 * ratio, self.causes[k].told) < level)
 
-    def _left(self, chosen: Sequence[int]) -> list[int]:
-        return [k for k in range(len(self.causes)) if k not in chosen]
+    def _left(self, chosen: Sequence[int]) -> dict[int, int]:
+        """Return the other causes, and for how many looks each counts: all kinds of causes for as many.
+
+        So chance has a cause of the whole arm told as seldom as one of any of its joints (Genovese et al. 2006).
+        """
+        kinds = {k: (cause.name, bool(cause.joint)) for k, cause in enumerate(self.causes) if k not in chosen}
+        counts = Counter(kinds.values())
+        return {k: len(counts) * counts[kind] for k, kind in kinds.items()}
 
     def falls(self, before: Solved, chosen: Sequence[int], more: Sequence[Sequence[int]]) -> Array:
-        """Return by how much the weighted squares fall where more causes are fitted, with the weights as they are.
+        """Return by how much the weighted squares fall where each of m sets of causes is fitted as well, shape (m,).
 
-        Weights follow from the fit before: its own are those of a pass earlier, which nearly dependent columns do not
-        forgive.
-
-        Args:
-            before: The fit with the chosen causes.
-            chosen: These, by their numbers.
-            more: Sets of causes, m of them, each of which is fitted beside the chosen ones.
-
-        Returns:
-            Shape (m,).
+        Weights follow from the fit ``before`` with the ``chosen`` ones: its own are those of a pass earlier, which
+        nearly dependent columns do not forgive. ``more`` has the sets, causes by their numbers.
         """
         columns, use = self.columns, self.used(chosen)
         new = np.arange(self.size, columns.sides.shape[1])
@@ -316,7 +315,7 @@ class CauseSearch:
         """
         tried: list[tuple[float, int, Solved, tuple[Array, float]]] = []
         sure: dict[int, float] = {}
-        promising, left = list(self.candidates(before, chosen).items()), len(self._left(chosen))
+        promising, left = list(self.candidates(before, chosen).items()), self._left(chosen)
         for part in (promising[:FIRST], promising[FIRST:]):
             least = max(sure.values(), default=-np.inf) - CLOSE
             near = [k for k, most in part if most > least]
@@ -324,12 +323,12 @@ class CauseSearch:
                 after, columns = self.fit([*chosen, k]), self.causes[k].told
                 ratio = self._ratio(before, after, k, counted[0])
                 merit = self.causes[k].likelier * (ratio - columns * float(np.log(counted[0].sum())))
-                chance = chi_square_tail(ratio, columns)
-                if left * chance < RIVAL_CHANCE:
+                chance = left[k] * chi_square_tail(ratio, columns)
+                if chance < RIVAL_CHANCE:
                     tried.append((merit, k, after, counted))
                 matters = float(np.max(1.0 - after.variances / before.variances)) > MATTERS
                 level = FALSE * (1 + len(chosen)) if likely and matters else CHANCE
-                if left * chance < level:
+                if chance < level:
                     sure[k] = merit
         if not sure:
             return None
