@@ -762,3 +762,25 @@ def test_a_time_of_day_that_starts_again_is_midnight(trial: Trial, tmp_path: Pat
     found = trial.with_columns(t=np.where(np.arange(len(time)) < len(time) // 2, time, time - back)).examined(tmp_path)
     (finding,) = [one for one in found.findings if one.name == "time runs back"]
     assert told in finding.remedy
+
+
+@pytest.mark.parametrize("joints", [(1,), (2,), (0, 1, 2)])
+def test_torques_whose_sign_was_lost_are_named(joints: tuple[int, ...], trial: Trial, tmp_path: Path) -> None:
+    tau = trial.columns["tau"].copy()
+    assert np.all(np.mean(tau < 0.0, axis=0) > 0.05)
+    tau[:, joints] = np.abs(tau[:, joints])
+    found = trial.with_columns(tau=tau).examined(tmp_path).findings
+    names = trial.case.robot.joint_names
+    assert [(one.severity, one.name, one.joint) for one in found] == [
+        ("error", "torque without sign", ", ".join(names[k] for k in joints))
+    ]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_torque_that_is_right_on_one_side_alone_has_its_sign(sign: float, trial: Trial, tmp_path: Path) -> None:
+    """As of an axis that always holds weight; and one that is negated as a whole has the wrong sign."""
+    tau = trial.columns["tau"].copy()
+    tau[:, 1] = sign * (tau[:, 1] - 1.2 * tau[:, 1].min())
+    found = trial.with_columns(tau=tau).examined(tmp_path).findings
+    assert "torque without sign" not in [one.name for one in found]
+    assert ("torque sign" in [one.name for one in found]) == (sign < 0.0)
