@@ -44,7 +44,7 @@ class TorqueWithoutSign(Check):
             f"never changes its sign; with the other one in {turned.max():.0%} of the rows, as predicted, "
             f"{variance_falls(gain)}"
         )
-        remedy = "log the torque or current with its sign, not its magnitude: it cannot be told from the log for sure"
+        remedy = "log the torque or current with its sign, not its magnitude: no log gives it back for sure"
         numbers = {"gain": gain, "turned": float(turned.max())}
         return [Finding("error", "torque without sign", listed(names), evidence, remedy, numbers, EXPLAINS)]
 
