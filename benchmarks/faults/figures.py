@@ -102,6 +102,13 @@ def _load(finding: Finding, trial: Trial) -> Stated:
     return Stated(finding.numbers["mass_kg"], float(half[1]) if half else np.inf)  # a mass that is not determined
 
 
+def _delay(finding: Finding, trial: Trial) -> Stated:
+    numbers = finding.numbers
+    if finding.joint:
+        return Stated(numbers["value"], numbers["half_width"])
+    return Stated(numbers["delay_s"], 1.96 * numbers["std_s"])
+
+
 def _counterbalance(finding: Finding, trial: Trial) -> Stated:
     numbers = finding.numbers
     return Stated(numbers["value"] * np.exp(1j * numbers["phase_rad"]), numbers["half_width"])
@@ -111,7 +118,7 @@ _READ: Mapping[str, Callable[[Finding, Trial], Stated]] = {
     "time scale": _clock,
     "torque scale": _scale,
     "torque unit": lambda finding, trial: Stated(finding.numbers["ratio"], 0.0, 1.0),
-    "torque delay": lambda finding, trial: Stated(finding.numbers["delay_s"], 1.96 * finding.numbers["std_s"]),
+    "torque delay": _delay,
     "spring": lambda finding, trial: Stated(finding.numbers["value"], finding.numbers["half_width"]),
     "drift": lambda finding, trial: Stated(finding.numbers["value"], finding.numbers["half_width"]),
     "counterbalance": _counterbalance,

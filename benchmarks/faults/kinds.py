@@ -175,6 +175,7 @@ KINDS = (
         ("torque delay",),
         lambda c, s, g: put.delayed(c, s),
         (0.01, 50.0),
+        of_all=True,
         states=lambda c, s: s * put.step_of(c),
     ),
     Kind(

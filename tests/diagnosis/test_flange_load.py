@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.faults.clean import told
 from benchmarks.faults.loads import named
 
 from dynident.diagnosis.causes.flange_load import FAR, TOLD, carried, own_inertia
@@ -50,3 +51,9 @@ def test_the_interval_holds_the_mass_of_a_load_off_the_flange(seed: int, tmp_pat
 def test_errors_of_the_last_link_are_no_load(seed: int, tmp_path: Path) -> None:
     found = named(seed, 0.0, tmp_path)[1]
     assert found is None or found.severity == "note"
+
+
+def test_a_load_has_to_explain_more_combinations_of_bodies_than_it_has_parameters(tmp_path: Path) -> None:
+    """Errors of the robot model of a short arm with a slide were a load as heavy as its last link."""
+    found, arm = told(6007, tmp_path)
+    assert arm.startswith("RPRR") and not [one for one in found if one.name == "load at the flange"]

@@ -262,13 +262,17 @@ class AgainstBodies:
 
     @cached_property
     def search(self) -> Anchored:
-        """The products of all columns."""
+        """The products of all columns.
+
+        A load has ten parameters: of as few combinations of bodies of a robot model it explains whatever errors.
+        """
         fit, rows = self.fit, self.fit.rows
         target = rows.torque - rows.known
         found = CauseRows(rows.blocks, rows.columns, fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
         causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
-        load = Cause("load at the flange", "", load_columns(fit), hidden=TEN - TOLD)
-        causes += [load, Cause(*OF_ALL, self.bodies[None])]
+        if len(self._known.places) > TEN or not isinstance(self._known, NominalBodies):
+            causes.append(Cause("load at the flange", "", load_columns(fit), hidden=TEN - TOLD))
+        causes.append(Cause(*OF_ALL, self.bodies[None]))
         factors = fit.counts / fit.independent_rows
         return Anchored(found, causes, self._known, factors, lambda: self._trends.errors)
 
