@@ -10,9 +10,10 @@ has to be called not separable. Three or six joints: arms of desk size, all join
 are not run again. With --minutes the arms have logs of that length in all, at position gains from 6 to 20, without
 stiction and slew limits: how long does the answer take? With --bodies the bodies of the robot model are off by about
 30 % and free; with --payload logs of a known payload are added. With --single one joint of an arm moves at a time, the
-others hold a pose, another one at each gain.
+others hold a pose, another one at each gain. With --load friction grows with the load, without stiction, and m3 is
+stated; with --on no drive is ever off.
 Run: python -m benchmarks.servos FILE [--joints N] [--seeds N] [--first K] [--minutes M] [--bodies] [--payload]
-[--single]
+[--single] [--load] [--on]
 """
 
 from __future__ import annotations
@@ -62,6 +63,7 @@ COUNTED = (
     "coulomb",
     "coulomb_stribeck",
     "stribeck_velocity",
+    "load_motor",
     "armature",
     "angle_offset",
     "delay",
@@ -107,6 +109,12 @@ def add_stiction(random: np.random.Generator, true: Array) -> None:
         true[:, PLACE["stribeck_velocity"]] = random.uniform(0.1, 0.4, len(true))
 
 
+def add_load(random: np.random.Generator, true: Array) -> None:
+    """Give drives friction that grows with the load and no stiction, in place; shape (n, COUNT)."""
+    true[:, PLACE["coulomb_stribeck"]] = 0.0
+    true[:, [PLACE["load_motor"], PLACE["load_external"]]] = random.uniform(0.05, 0.2, len(true))[:, None]
+
+
 def add_slew_limits(random: np.random.Generator, true: Array) -> None:
     """Give one drive in three of an arm a slew limit, in place; shape (n, COUNT)."""
     limited = random.random(len(true)) < 1 / 3
@@ -137,14 +145,26 @@ def gains_of(minutes: float) -> tuple[float, ...]:
 
 
 def one(
-    seed: int, joints: int, folder: Path, minutes: float = 0.0, bodies: str = "", is_single: bool = False
+    seed: int,
+    joints: int,
+    folder: Path,
+    minutes: float = 0.0,
+    bodies: str = "",
+    is_single: bool = False,
+    is_loaded: bool = False,
+    is_on: bool = False,
 ) -> dict[str, object]:
-    """Return what one seed gives, as plain data; bodies: ``plausible``, or ``payload`` with logs of one too."""
+    """Return what one seed gives, as plain data; bodies: ``plausible``, or ``payload`` with logs of one too.
+
+    The other options are those of the module.
+    """
     random = np.random.default_rng([7, seed] if joints == 1 else [11, joints, seed])
     rate = RATE
     if joints == 1:
         robot, true = drawn(random, folder)
-        logs = logs_of(robot, true, seed, (3.0, 6.0), ("chirp", "steps", "drop"))
+        if is_loaded:
+            add_load(random, true[None])
+        logs = logs_of(robot, true, seed, (3.0, 6.0), ("chirp", "steps", "slow" if is_on else "drop"))
         if bodies == "payload":
             logs += [
                 replace(log, name=f"{log.name} load", payload=PAYLOAD)
@@ -156,18 +176,20 @@ def one(
         if not minutes:
             add_stiction(random, arm.true)
             add_slew_limits(random, arm.true)
+        if is_loaded:
+            add_load(random, arm.true)
         robot, true, rate = arm.robot, arm.true, RATES[seed % len(RATES)]
         quiet = slow_logs(arm, rate)
         if is_single:
             poses = {kp: random.uniform(-0.8, 0.8, joints) for kp in gains_of(minutes)}
             logs = single_logs(arm, rate, poses)
         else:
-            logs = arm_logs(arm, rate, gains_of(minutes))
+            logs = arm_logs(arm, rate, gains_of(minutes), is_on=is_on)
         if bodies == "payload":
             loaded = replace(arm, robot=with_payload(robot, PAYLOAD))
             more = arm_logs(loaded, rate, (12.0,))
             logs += [replace(log, name=f"{log.name} load", payload=PAYLOAD) for log in more]
-    friction = "m2" if true[0, PLACE["coulomb_stribeck"]] > 0 else "m1"
+    friction = "m3" if is_loaded else "m2" if true[0, PLACE["coulomb_stribeck"]] > 0 else "m1"
     setup, begun = ServoSetup((LAW,) * joints, ServoColumns(robot.joint_names), friction), time.process_time()
     given = robot
     if bodies:
@@ -182,7 +204,7 @@ def one(
     }
     if bodies:
         line["bodies"] = held(answer, robot, true)
-    elif not minutes:
+    elif not minutes and not is_loaded:
         line["gain_unknown"] = gain_labels(robot, quiet)
     return line
 
@@ -291,7 +313,8 @@ def main() -> None:
     options.add_argument("--minutes", type=float, default=0.0)
     options.add_argument("--bodies", action="store_const", const="plausible", default="")
     options.add_argument("--payload", dest="bodies", action="store_const", const="payload")
-    options.add_argument("--single", action="store_true")
+    for flag in ("--single", "--load", "--on"):
+        options.add_argument(flag, action="store_true")
     chosen = options.parse_args()
     file: Path = chosen.file
     lines = [json.loads(text) for text in file.read_text().splitlines()] if file.exists() else []
@@ -299,7 +322,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(chosen.first, chosen.first + chosen.seeds):
             if seed not in done:
-                lines.append(one(seed, chosen.joints, Path(folder), chosen.minutes, chosen.bodies, chosen.single))
+                flags = chosen.single, chosen.load, chosen.on
+                lines.append(one(seed, chosen.joints, Path(folder), chosen.minutes, chosen.bodies, *flags))
                 with file.open("a") as sink:
                     sink.write(json.dumps(lines[-1]) + "\n")
     print("\n".join(summary(lines)))

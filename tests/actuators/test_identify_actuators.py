@@ -182,6 +182,28 @@ def test_a_stated_torque_is_the_scale_where_no_weight_is(
             assert (one.half_width > 0.05 * abs(one.value)) == wide or one.name == "angle_offset", one
 
 
+@pytest.mark.parametrize("true_emf", [TRUE["back_emf"], 0.0], ids=["back-EMF", "viscous friction alone"])
+def test_friction_that_grows_with_the_load_shows_back_emf_of_a_drive_that_is_never_off(
+    robot: Robot, true_emf: float
+) -> None:
+    """Viscous friction takes nothing from the motor torque; where it is all of the damping that is known as a whole."""
+    viscous = TRUE["viscous"] + TRUE["back_emf"] - true_emf
+    true = parameters(back_emf=true_emf, viscous=viscous, load_motor=0.15, load_external=0.15)
+    logs = [log for log in virtual_logs(robot, true) if log.enabled.all()]
+    setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m3")
+    joint = identify_actuators(robot, setup, logs).joints[0]
+    for one in joint.known:
+        truth, most = true[PLACE[one.name]], 1.3 * one.half_width
+        assert abs(one.value - truth) <= most and (most < 0.04 * truth + 0.01 or one.label == "at its bound"), one
+    labels, told = {one.name: one.label for one in joint.known}, joint_warnings(joint)
+    assert labels["full_torque"] == labels["armature"] == labels["coulomb"] == "identified"
+    assert (labels["back_emf"] == "identified") == (labels["viscous"] == "identified") == (not joint.combinations)
+    assert (true_emf > 0.0) == (not joint.combinations)
+    assert [text.startswith("damping is known only as a whole") for text in told] == [True] * len(joint.combinations)
+    for one in joint.combinations:
+        assert abs(one.value - 0.26) < 1.3 * one.half_width < 0.01
+
+
 @pytest.mark.parametrize("known", [True, False], ids=["stated", "free"])
 def test_the_damping_of_mit_mode_is_stated_or_found(robot: Robot, known: bool) -> None:
     """kp in N m/rad and kd in N m s/rad; without kd its torque would be taken for viscous friction."""

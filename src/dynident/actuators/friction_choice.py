@@ -97,8 +97,9 @@ def _held_out_error(
     for held in folds:
         kept = [k for k in range(len(records)) if k not in held]
         try:
-            start = refinable(start_at([rows[k] for k in kept], law, model, scanned), law, has_off)
+            start = start_at([rows[k] for k in kept], law, model, scanned)
             start = start if simple is None else np.where(own, start, simple)
+            start = refinable(start, law, model, has_off)
             free = free_parameters(law, model, start, has_off=has_off)
             seeded = starts_from(start, model)[:1]  # at zero the Stribeck terms have no slope to follow
             fit = output_error(ServoProblem(tuple(records[k] for k in kept), free, model), seeded, effort=FOLD)

@@ -196,7 +196,7 @@ def _answer(
     elif is_scaleless and turned is None:
         remarks += unseen_weight(data)
     saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
-    known, combinations = _known_together(data, known, parameters, "gain_ratio" in fit.free, kp)
+    known, combinations = _known_together(data, known, parameters, spread, kp)
     test = [started(one, fit.parameters, FIRST) for one in data.test]
     return JointActuator(
         name=data.name,
@@ -224,11 +224,11 @@ def _errors(records: Sequence[JointRecord], parameters: Array) -> dict[str, floa
 
 
 def _known_together(
-    data: JointData, known: tuple[Known, ...], parameters: Array, has_gain: bool, kp: tuple[float, ...]
+    data: JointData, known: tuple[Known, ...], parameters: Array, spread: Spread, kp: tuple[float, ...]
 ) -> tuple[tuple[Known, ...], tuple[Combination, ...]]:
     """Return the parameters with those that structure keeps apart marked, and the combinations that are known."""
-    found, law, halves = [], data.law, {one.name: one.half_width for one in known}
-    if law.gain_is_free and not has_gain:
+    found, law, halves = list[Combination](), data.law, {one.name: one.half_width for one in known}
+    if law.gain_is_free and "gain_ratio" not in halves:
         torque = parameters[PLACE["full_torque"]]
         known = tuple(
             replace(one, label="not separable", half_width=np.inf, together="gain_ratio")
@@ -240,17 +240,23 @@ def _known_together(
         words = f"gain times torque at full duty; to separate them, {EXPERIMENTS['gain_ratio']}"
         half = law.error_gain * halves["full_torque"]
         found.append(Combination("stiffness", float(torque * law.error_gain), unit, words, half))
-    if not law.controls_torque and not data.has_off:
-        total = float(parameters[PLACE["viscous"]])
-        words = f"viscous friction and back-EMF together; to separate them, {EXPERIMENTS['viscous']}"
-        found.append(Combination("damping", total, "N m s/rad", words, halves["viscous"]))
-        known = tuple(
-            replace(one, together="back_emf", label="not separable" if one.label == "identified" else one.label)
-            if one.name == "viscous"
-            else one
-            for one in known
-        )
-    return known, tuple(found)
+    pair = {"viscous": "back_emf", "back_emf": "viscous"}
+    parts = [k for k, one in enumerate(known) if one.name in pair]
+    if law.controls_torque or data.has_off or [known[k].label for k in parts] == ["identified"] * 2:
+        return known, tuple(found)
+    total = float(sum(parameters[PLACE[name]] for name in pair))
+    words = f"viscous friction and back-EMF together; to separate them, {EXPERIMENTS['viscous']}"
+    half = sum(halves[known[k].name] for k in parts)
+    if len(parts) == 2 and np.isfinite(halves["full_torque"]) and law.full_torque is None:
+        half = spread.half_width_of_sum(parts)
+    found.append(Combination("damping", total, "N m s/rad", words, half))
+    marked = list(known)
+    for k in parts:
+        one, other = known[k], pair[known[k].name]
+        if not np.isfinite(halves.get(other, np.inf)):
+            label = "not separable" if one.label == "identified" else one.label
+            marked[k] = replace(one, together=other, label=label)
+    return tuple(marked), tuple(found)
 
 
 def _remarks(data: JointData, kp: tuple[float, ...], first: str) -> tuple[str, ...]:

@@ -250,11 +250,11 @@ def _refined(
     law, model = data.law, FRICTION_MODELS[friction]
     linear = start_at(data.rows, law, model, scanned)
     free = free_parameters(law, model, linear, law.gain_is_free and ratio != 1.0, data.has_off)
-    start = refinable(linear, law, data.has_off)
+    start = linear.copy()
     if simpler is not None:
-        places = [PLACE[name] for name in simpler.free]
+        places = [PLACE[name] for name in (*simpler.free, "back_emf")]
         start[places] = simpler.parameters[places]
-    starts = starts_from(start, model)
+    starts = starts_from(refinable(start, law, model, data.has_off), model)
     found = output_error(ServoProblem(data.train, free, model), starts, effort=effort).parameters
     found, free = _without_none(data, found, free)
     return JointFit(ratio, friction, {}, free, scanned, linear, found, found.copy(), free)

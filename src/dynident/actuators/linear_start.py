@@ -216,15 +216,25 @@ def start_at(rows: Sequence[StartRows], law: DriveLaw, friction: FrictionModel, 
     return _regression(rows, law, friction, scanned.delay_s, scanned.slew_limit)[0]
 
 
-def refinable(start: Array, law: DriveLaw, has_off: bool) -> Array:
+def tells_back_emf(law: DriveLaw, friction: FrictionModel, has_off: bool) -> bool:
+    """Return whether the output error has back-EMF beside viscous friction.
+
+    Motion without torque tells them apart, and friction that grows with the motor torque, of which back-EMF is a part.
+    """
+    return not law.controls_torque and (has_off or "load_motor" in friction.free)
+
+
+def refinable(start: Array, law: DriveLaw, friction: FrictionModel, has_off: bool) -> Array:
     """Return the start of the output error, shape (COUNT,).
 
-    Where no motion without torque tells back-EMF from viscous friction, viscous friction has the sum of both.
+    Where nothing tells back-EMF from viscous friction, viscous friction has the sum of both; where the load alone does,
+    and back-EMF starts at 0, each has half of it.
     """
-    found = start.copy()
-    if not has_off and not law.controls_torque:
-        found[PLACE["viscous"]] += found[PLACE["back_emf"]]
-        found[PLACE["back_emf"]] = 0.0
+    found, places = start.copy(), [PLACE["viscous"], PLACE["back_emf"]]
+    if not tells_back_emf(law, friction, has_off):
+        found[places] = found[places].sum(), 0.0
+    elif not has_off and found[places[1]] == 0.0:
+        found[places] = 0.5 * found[places[0]]
     return found
 
 
@@ -325,14 +335,14 @@ def free_parameters(
         friction: Friction model.
         start: Parameters that it starts from, shape (COUNT,).
         has_gain: Whether the gain is free beside the torque at full duty.
-        has_off: Whether some logs have the drive off, which tells back-EMF from viscous friction.
+        has_off: Whether some logs have the drive off in motion.
     """
     names = ["full_torque", *friction.free, "armature"]
     if start[PLACE["angle_offset"]] != 0.0:  # else no weight tells it
         names.append("angle_offset")
     if has_gain:
         names.insert(0, "gain_ratio")
-    if not law.controls_torque and has_off:
+    if tells_back_emf(law, friction, has_off):
         names.append("back_emf")
     if law.has_damping_gain:
         names.append("damping_gain")

@@ -267,8 +267,8 @@ def _excited(joint: _Joint, frame: MotionFrame, servo: NominalServo, request: Mo
     known = {}
     for name, (own, payloads) in sets.items():
         data = _simulated_set(joint, own, payloads, servo.parameters, request.gains, resolution)
-        if not data.has_off:  # viscous friction then has all of the damping: what is fitted is what is simulated
-            merged = refinable(servo.parameters, servo.law, False)
+        if not data.has_off:  # viscous friction may then have all of the damping: what is fitted is what is simulated
+            merged = refinable(servo.parameters, servo.law, FRICTION_MODELS[servo.friction], False)
             data = _simulated_set(joint, own, payloads, merged, request.gains, resolution)
         known[name] = _known(data, servo)
     return JointExcitation(joint.name, servo, resolution, motions, known)
@@ -340,13 +340,13 @@ def _known(data: JointData, servo: NominalServo) -> tuple[Known, ...]:
         values[PLACE["angle_offset"]] = 0.0
     saturated = np.concatenate([rolled_out(one, values).saturated for one in data.train])
     has_gain = law.gain_is_free and float(np.mean(saturated)) > SATURATED
-    start = refinable(values, law, data.has_off)
+    start = refinable(values, law, model, data.has_off)
     free = free_parameters(law, model, start, has_gain, data.has_off)
     known = known_parameters(*_average(ServoProblem(data.train, free, model).finely, start))
     whole = {}
     if law.gain_is_free and not has_gain:
         whole["full_torque"] = ("stiffness", float(values[PLACE["gain_ratio"]]) * law.error_gain)
-    if not law.controls_torque and not data.has_off:
+    if not law.controls_torque and "back_emf" not in free:
         whole["viscous"] = ("damping", 1.0)
     return tuple(
         replace(one.scaled(whole[one.name][1]), name=whole[one.name][0]) if one.name in whole else one for one in known

@@ -115,6 +115,12 @@ class Spread:
         more = np.maximum(np.diag(covariance) - self.own, 0.0)
         return np.sqrt(self.own * self.factors**2 + more * NORMAL**2)
 
+    def half_width_of_sum(self, places: Sequence[int]) -> float:
+        """Return the half width of a sum of free parameters; infinite where all are at bounds."""
+        among = self.inner & np.isin(np.arange(len(self.inner)), places)
+        variance = float(among @ self.covariance @ among)
+        return float(self.factors[among].max() * np.sqrt(max(variance, 0.0))) if among.any() else np.inf
+
 
 def spread_of(problem: ServoProblem, parameters: Array, draws: int = 0, beside: Array | None = None) -> Spread:
     """Return how the errors of the roll-outs spread the free parameters.
@@ -150,6 +156,8 @@ def spread_of(problem: ServoProblem, parameters: Array, draws: int = 0, beside: 
     lower, upper = problem.bounds()
     values = parameters[problem.places]
     scales = np.maximum(np.abs(values), np.where(lower < 0, 1.0, 0.1) * problem.scales())  # of a sign: may be near 0
+    damping = np.isin(problem.free, ("viscous", "back_emf"))  # one of them may be next to nothing beside the other
+    scales[damping] = scales[damping].max(initial=0.0)
     inner = (values > lower + 1e-4 * problem.scales()) & (values < upper - 1e-4 * problem.scales())
     sizes = [weight / np.sqrt(len(error)) for weight, error in zip(weights, errors, strict=True)]
     rows = [size * scales * slope for size, slope in zip(sizes, slopes, strict=True)]
