@@ -30,6 +30,9 @@ from dynident.simulation.effects import Bristles
 #: Robots beside those of :mod:`benchmarks.frictions`: of three joints, so that many seeds take minutes.
 LEVELS, SLOPES = (4, 5, 3), (3, 4, 2)
 BESIDE: Mapping[str, Virtual] = {
+    "plain-3-pid": Virtual(
+        planar(), (("coulomb", {"width": 0.01}, LEVELS), ("viscous", {}, SLOPES)), controller="pid", periods=16
+    ),
     "presliding-3": Virtual(
         planar(),
         (

@@ -56,6 +56,7 @@ class Virtual:
         cell: Further effects.
         truth: Parts to be identified with in place of those that are there, where these cannot be.
         periods: Periods of the motion in a log.
+        controller: Its controller.
     """
 
     bodies: Sequence[Body]
@@ -67,6 +68,12 @@ class Virtual:
     cell: Cell = field(default_factory=Cell)
     truth: Parts = ()
     periods: int = 2
+    controller: str = "computed_torque"
+
+    @property
+    def feeds(self) -> bool:
+        """Whether the model is fed forward, so that drives do not stick at reversals."""
+        return self.controller == "computed_torque"
 
 
 def dry(width: float, values: Any) -> tuple[str, dict[str, Any], Any]:
@@ -304,7 +311,7 @@ def logged(name: str, virtual: Virtual, folder: Path, seed: int, logs: int = 3) 
         motion = motion_of(virtual, 10 * seed + k, first)
         cell = replace(
             virtual.cell,
-            controller=CONTROLLERS.make("computed_torque", {"feedforward": "model"}),
+            controller=CONTROLLERS.make(virtual.controller, {"feedforward": "model"} if virtual.feeds else {}),
             encoder=Encoder(noise=(SHAKE,)),
             effort=Effort(delay_s=virtual.late / virtual.rate),
             recorder=Recorder(rate=virtual.rate),

@@ -237,8 +237,8 @@ def test_a_part_that_is_not_there_is_left_out(planar_2r: Robot, exact_log: MakeL
 #: Load friction as drafts ask for it.
 OF_LOAD = (
     Load(0.02, choose=("part",)),
-    LoadDirectional(100.0, 0.02, choose=("part",)),
     LoadStribeck(0.1, 0.02, choose=("part", "velocity")),
+    LoadDirectional(100.0, 0.02, choose=("part", "velocity")),
 )
 
 
@@ -249,12 +249,13 @@ OF_LOAD = (
         ((Load(0.02),), (0.1,)),
         ((LoadDirectional(100.0, 0.02),), (0.05, 0.15)),
         ((Load(0.02), LoadStribeck(0.15, 0.02)), (0.05, 0.1)),
+        ((Load(0.02), LoadDirectional(0.15, 0.02)), (0.05, 0.05, 0.25)),
     ],
 )
 def test_load_friction_is_of_the_kind_that_is_there(
     planar_2r: Robot, exact_log: MakeLog, there: tuple[Friction, ...], values: tuple[float, ...]
 ) -> None:
-    """By direction in the place of the plain part, and the share that fades with speed beside it."""
+    """By direction in the place of the plain part, and the share that fades with speed, by direction or not, beside."""
     own = [1.0, 0.5, *values]
     log = logged(planar_2r, (Coulomb(0.02), Viscous(), *there), 2 * own, exact_log, noise=0.05, samples=4000)
     model, told = choose_fields(DynamicModel(planar_2r, (Coulomb(0.02), Viscous(), *OF_LOAD)), rows(log))
@@ -267,7 +268,10 @@ def test_load_friction_is_of_the_kind_that_is_there(
 
 def test_load_by_direction_is_not_tried_beside_stated_load(planar_2r: Robot, exact_log: MakeLog) -> None:
     log = logged(planar_2r, (Coulomb(0.02), Viscous(), Load(0.02)), 2 * [1.0, 0.5, 0.1], exact_log, noise=0.05)
-    model, told = choose_fields(DynamicModel(planar_2r, (Coulomb(0.02), Viscous(), Load(0.02), OF_LOAD[1])), rows(log))
+    model, told = choose_fields(
+        DynamicModel(planar_2r, (Coulomb(0.02), Viscous(), Load(0.02), replace(OF_LOAD[2], choose=("part",)))),
+        rows(log),
+    )
     assert [type(part) for part in model.friction] == [Coulomb, Viscous, Load]
     assert [(held.part, held.not_tried) for held in told] == [("load_directional", "only where load is chosen")]
 
@@ -340,6 +344,7 @@ def test_the_delay_is_found_again_with_the_friction_that_was_chosen(
     log = Log(planar_2r.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque)
     model = DynamicModel(planar_2r, (DRY, Viscous(), FADING))
     estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
+    assert estimate.choices.delays is not None
     (delay,) = estimate.choices.delays
     assert delay.applied == pytest.approx(0.02, abs=2e-4)
     assert [type(part) for part in estimate.model.friction] == [Coulomb, Viscous, Stribeck]
@@ -364,6 +369,7 @@ def test_what_is_chosen_last_is_chosen_with_the_delay_that_was_found(
     identify(model, [log], "wls", replace(GIVEN, delay_s=None))
     assert free == [True, False, True, False, False]
     again = identify(model, [log], "wls", replace(GIVEN, delay_s=estimate.choices.delay_s))
+    assert estimate.choices.chosen_fields is not None and again.choices.chosen_fields is not None
     (found,), (known,) = estimate.choices.chosen_fields, again.choices.chosen_fields
     assert (found.gain, found.value) == pytest.approx((known.gain, known.value), rel=2e-3)
     assert found.value == pytest.approx(0.03, rel=0.01)

@@ -311,3 +311,13 @@ def test_lengths_are_at_least_the_resolution(planar_2r: Robot, exact_motion: Mak
     inside = identify(left_open, [far], "wls", replace(HOW, delay_s=0.0))
     assert not [each for each in warnings_of(inside) if "the given length" in each]
     assert not [each for each in warnings_of(inside) if each.startswith("presliding length")]
+
+
+def test_drives_that_stick_at_reversals_have_no_presliding() -> None:
+    """Under a PID controller, two logs of 160 s: what the filter of the positions smears gained 4 % by it."""
+    assert "presliding" not in outcome("plain-3-pid", 0).taken
+
+
+@pytest.mark.battery
+def test_sticking_drives_have_no_presliding_in_95_of_100_logs() -> None:
+    assert sum("presliding" in outcome("plain-3-pid", seed).taken for seed in range(1, 21)) <= 1

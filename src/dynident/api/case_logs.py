@@ -124,8 +124,9 @@ def digest_of_file(case: Case, path: str, estimator: Estimator) -> Digest:
         BadOption: The estimator needs rows.
         DynidentError: The file is of another model, or damaged.
     """
+    from dynident.api.matching_digests import check_case
     from dynident.identification.streaming.estimate import check_estimator
-    from dynident.identification.streaming.triangle_file import check_case, read_digest
+    from dynident.identification.streaming.triangle_file import read_digest
 
     check_estimator(estimator)
     digest = read_digest(path)

@@ -20,10 +20,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.api.matching_digests import merged_file
     from dynident.cli import console
     from dynident.cli.reduce import report
     from dynident.files import check_outputs, check_place
-    from dynident.identification.streaming.triangle_file import merged_file, write_digest
+    from dynident.identification.streaming.triangle_file import write_digest
 
     check_place(options.output)
     check_outputs((options.output,), options.files)

@@ -36,6 +36,10 @@ BEYOND_LIMITS = 0.05
 #: Condition number with unit columns above which noise decides single parameters.
 POOR_CONDITION = 1000.0
 
+#: Least share of the load that friction takes for its direction to matter, and how near that of the robot model the
+#: scale of the bodies then is for it not to, as a share of what it could be off by.
+LEAST_SHARE, AGREES = 0.02, 0.1
+
 #: Deviations, at the cut-off that knows less, beyond which a parameter that moves so far is worth a warning.
 FAR = 3.0
 
@@ -67,12 +71,41 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     found += _weak(estimate)
     found += _at_ends(estimate)
     found += _springs_beside_load(estimate)
+    found += _one_load_friction(estimate)
     if test is not None and test.departure is not None and estimate.envelope is not None and test.departure.leaves():
         found.append(test.departure.sentence(estimate.envelope))
     found += () if test is None else start_sentences(test.start_states)
     cold = "; the fit takes them as cold: give logs that follow each other as one, or leave this one out"
     found += [f"training log {line}{cold}" for line in start_sentences(estimate.train.start_states)]
     return tuple(dict.fromkeys(found))
+
+
+def _one_load_friction(estimate: Estimate) -> list[str]:
+    """Warn where load friction that differs by the direction of the power would pass for mass.
+
+    A gear that loses a share a of the load as it drives and b as it is driven, alike at all joints, has the torques of
+    masses 1 + (a - b) / 2 times as large with one share c. Masses of the robot model that agree say that a = b.
+    """
+    names, robot = [called(part) for part in estimate.model.friction], estimate.model.robot
+    shares = [p["value"] for p in estimate.parameters() if p["name"].startswith("Fl[")]
+    if "load" not in names or len(shares) < robot.dof or not (share := min(shares)) > LEAST_SHARE:
+        return []
+    told = f"masses from {1 - share:.2f} to {1 + share:.2f} times those identified fit the logs alike"
+    if robot.nominal is not None:
+        model, bodies = estimate.model, ~estimate.base.is_friction
+        padded = np.concatenate([robot.nominal, np.zeros(len(model.parameters) - model.inertial_count)])
+        nominal, own = estimate.base.from_standard(padded)[bodies], estimate.beta[bodies]
+        weighed = np.linalg.pinv(estimate.covariance[np.ix_(bodies, bodies)], hermitian=True) @ nominal
+        scale = float(weighed @ own / (weighed @ nominal))
+        if abs(scale - 1.0) < AGREES * share:
+            return []
+        forth, back = (1 + share) * scale - 1, 1 - (1 - share) * scale
+        if min(forth, back) > 0:
+            told += (
+                f", those of the robot model with Fl+ {forth:.2f} and Fl- {back:.2f} (identified: {scale:.2f} of them)"
+            )
+    remedy = "state load_directional: {velocity: 100} in the place of load, whose intervals hold that, or weigh a link"
+    return [f"load friction {share:.2f} may differ between driving and being driven; then {told}: {remedy}"]
 
 
 def start_sentences(states: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -18,6 +18,7 @@ from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
 from dynident.identification.selection.friction.column_pool import ROWS, SharedRows
+from dynident.identification.selection.friction.held_out_errors import OF_A_PART
 from dynident.identification.selection.friction.held_out_fields import FrictionSearch
 from dynident.identification.selection.friction.load import problem_of, without_load
 from dynident.identification.selection.friction.search_friction import predicts_better, search_friction
@@ -91,7 +92,8 @@ def build_problem(
     if has_choices(model):
         shared = SharedRows(model.robot, [log.sparser(ROWS) for log in plain])
         search = partial(search_friction, progress=progress, finest=finest, shared=shared)
-        model, prepared, choices = _with_chosen_fields(model, plain, (prepared, choices), progress, search, shared)
+        before, rows = (prepared, choices), (shared, partial(_sharper, ordered, preprocessing))
+        model, prepared, choices = _with_chosen_fields(model, plain, before, progress, search, rows)
     if aside:
         given = {(each.part, each.field): each.stated for each in aside}
         told = [replace(it, stated=given.get((it.part, it.field), it.stated)) for it in choices.chosen_fields or ()]
@@ -184,7 +186,7 @@ def _with_chosen_fields(
     before: tuple[Sequence[Prepared], Choices],
     progress: Callable[[str], None],
     search: Callable[..., FrictionSearch],
-    shared: SharedRows,
+    shared: tuple[SharedRows, Callable[[DynamicModel], tuple[SharedRows, float] | None]],
 ) -> tuple[DynamicModel, Sequence[Prepared], Choices]:
     """Return the model with the fields that held-out data ask for, the logs with their delay, and the choice of both.
 
@@ -192,7 +194,10 @@ def _with_chosen_fields(
     also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found, and
     once more where the delay beside these is another one. A part that remembers is tried beside the list without it,
     the delay free even where it is stated; where it is taken, the other parts are chosen again beside it, and both have
-    to predict better than that list and its delay. ``search`` is :func:`search_friction` with its settings.
+    to predict better than that list and its delay. Drives that stick at reversals look alike, as the filter of the
+    positions smears it: with a cut-off r times higher that lasts 1 / r as long, and what is left without any filter has
+    to count as that of a part. ``search`` is :func:`search_friction` with its settings, ``shared`` the rows of the logs
+    and what makes those of positions that are filtered less, and r.
     """
     (prepared, choices), delay_is_free = before, plain[0].how.delay_s is None
 
@@ -219,11 +224,24 @@ def _with_chosen_fields(
     if not beside.remembers:
         return found.chosen, prepared, replace(choices, chosen_fields=beside.told)
     beside, rows, own = settled(beside, prepared, choices, found.chosen, beside)
-    better, tried = predicts_better(beside.chosen, rows, found.chosen, prepared, shared)
-    held = tuple(each for each in beside.told if each.field != WHOLE or each.part not in lagging)
+    better, tried = predicts_better(beside.chosen, rows, found.chosen, prepared, shared[0])
+    if better and (sharper := shared[1](model)):
+        less = predicts_better(beside.chosen, rows, found.chosen, prepared, sharper[0])[1]
+        better = less[0].gain - (tried[0].gain - less[0].gain) / (sharper[1] - 1.0) > OF_A_PART
+        tried = tried if better else tuple(replace(each, value=0.0) for each in less)
+    told = tuple(each for each in beside.told if each.field != WHOLE or each.part not in lagging)
     if not better:
         return found.chosen, prepared, replace(choices, chosen_fields=(*found.told, *tried))
-    return beside.chosen, rows, replace(own, chosen_fields=(*held, *tried))
+    return beside.chosen, rows, replace(own, chosen_fields=(*told, *tried))
+
+
+def _sharper(logs: Sequence[Log], how: Preprocessing, model: DynamicModel) -> tuple[SharedRows, float] | None:
+    """Return rows of logs whose positions are filtered less, and by which ratio; None where the filter has no such."""
+    filters = [found for log in logs if (found := how.filter.sharper(log.rate))]
+    if len(filters) < len(logs):
+        return None
+    rows = [preprocess(log, replace(how, filter=less)) for log, (less, _) in zip(logs, filters, strict=True)]
+    return SharedRows(model.robot, [log.sparser(ROWS) for log in rows]), min(ratio for _, ratio in filters)
 
 
 def _within_cycle(model: DynamicModel, part: Friction, logs: Sequence[Log], how: Preprocessing) -> Friction | None:

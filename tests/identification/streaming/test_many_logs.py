@@ -18,6 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dynident.api.matching_digests import merged_file
 from dynident.api.named_logs import logs_named
 from dynident.case.case import Case, read_case
 from dynident.data.formats import write_log
@@ -29,7 +30,7 @@ from dynident.identification.streaming.digest import Digest
 from dynident.identification.streaming.merge_tree import MergeTree
 from dynident.identification.streaming.one_log import Checkpoint
 from dynident.identification.streaming.reduction import Standing, reduce_logs
-from dynident.identification.streaming.triangle_file import merged_file, read_digest, write_digest
+from dynident.identification.streaming.triangle_file import read_digest, write_digest
 from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
 from dynident.workers.dask_pool import DaskPool

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dynident.api.matching_digests import check_case
 from dynident.arrays import Array
 from dynident.case.case import Case, read_case
 from dynident.data.formats import write_log
@@ -26,7 +27,6 @@ from dynident.identification.streaming.estimate import identify_digest
 from dynident.identification.streaming.one_log import reduce_log
 from dynident.identification.streaming.reduction import reduce_logs
 from dynident.identification.streaming.time_scan import StreamedMedian
-from dynident.identification.streaming.triangle_file import check_case
 from dynident.model.base_parameters import base_parameters
 from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
@@ -215,7 +215,7 @@ def test_intervals_cover_the_truth_under_coloured_noise(case: Case, exact_log: M
         write_log(replace(clean, torque=np.asarray(clean.torque) + noise), tmp_path / "run.npz")
         reduced = reduce_logs(case.stream_setup(), [tmp_path / "run.npz"])
         found = identify_digest(reduced, "wls")
-        inside.append(np.abs(found.beta - found.base.from_standard(theta)) <= found.half_widths())
+        inside.append(np.abs(found.beta - found.base.from_standard(theta)) <= found.half_widths())  # pyright: ignore
     assert 0.90 < np.mean(inside) < 0.985
 
 

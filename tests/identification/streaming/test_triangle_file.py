@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dynident.api.matching_digests import check_case, merged_file
 from dynident.case.case import Case, read_case
 from dynident.data.formats import write_log
 from dynident.data.log import Log
@@ -29,7 +30,7 @@ from dynident.identification.streaming.digest import Digest
 from dynident.identification.streaming.estimate import identify_digest
 from dynident.identification.streaming.one_log import Checkpoint
 from dynident.identification.streaming.reduction import reduce_logs
-from dynident.identification.streaming.triangle_file import check_case, merged_file, read_digest, write_digest
+from dynident.identification.streaming.triangle_file import read_digest, write_digest
 from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
 

@@ -219,10 +219,10 @@ def _friction(found: Recognised, files: Files) -> list[str]:
         "  # parts with choose: part are kept only if they improve held-out data",
         "  - degressive: {choose: part}      # gears: sub-linear viscous friction",
         f"  - load: {{{width}, choose: [part, width]}}   # load-dependent friction",
-        f"  - load_directional: {{velocity: {_NEVER:g}, {width}, choose: [part, width]}}   # in place of it",
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
         "   # Stribeck effect",
         f"  - load_stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity]}}   # of the load",
+        f"  - load_directional: {{velocity: {_NEVER:g}, {width}, choose: [part, width, velocity]}}   # in their place",
         f"  - presliding: {{length: {_SLIPS:g}, damping: true, choose: [part, length, shape]}}"
         "   # friction built up after reversals",
         *_ripple(found),

@@ -48,6 +48,10 @@ class Filter(ABC):
         """Return the filter with a cut-off in Hz of both sides; the same filter where it has no such option."""
         return self
 
+    def sharper(self, rate: float) -> tuple[Filter, float] | None:
+        """Return the filter with up to twice the cut-off of positions, and how often as fast velocities follow."""
+        return None
+
     def shared_cutoff(self) -> float | None:
         """Return the stated cut-off in Hz that both sides of the equation have; None where there is none."""
         return None

@@ -21,6 +21,9 @@ SLOW = 2.0
 #: The cut-off in Hz where none is stated and none is chosen.
 STATED_HZ = 5.0
 
+#: Frequency of half amplitude of central differences, as a share of the sampling rate: sin(x) / x = 1 / 2.
+DIFFERENCES = 0.302
+
 #: Positions are filtered this many times higher than both sides of the equation, where not stated otherwise.
 POSITION_FACTOR = 5.0
 
@@ -102,6 +105,12 @@ class Butterworth(Filter):
 
     def with_cutoff(self, hertz: float) -> Butterworth:
         return replace(self, cutoff_hz=hertz)
+
+    def sharper(self, rate: float) -> tuple[Butterworth, float] | None:
+        own = self._positions_cutoff(rate)
+        higher = min(2.0 * own, 0.4 * rate)
+        widths = (np.hypot(1.0 / cutoff, 1.0 / (DIFFERENCES * rate)) for cutoff in (own, higher))  # times of velocities
+        return (replace(self, positions_hz=higher), float(np.divide(*widths))) if higher > 1.5 * own else None
 
     def shared_cutoff(self) -> float | None:
         return self.cutoff_hz if self.torque == "same" else None

@@ -27,9 +27,8 @@ from dynident.model.kernels.trace import (
     tangent_hyperbolic,
 )
 
-__all__ = ["WHOLE", "Coefficient", "Friction", "Inputs", "Motion", "Number", "Range", "SelectionUse", "State"]
-__all__ += ["check_positive", "cosine", "exponential", "larger", "power", "sine", "smaller", "smooth_sign"]
-__all__ += ["tangent_hyperbolic"]
+__all__ = ["WHOLE", "Coefficient", "Friction", "Inputs", "Motion", "Number", "Range", "SelectionUse", "State", "power"]
+__all__ += ["check_positive", "cosine", "exponential", "larger", "sine", "smaller", "smooth_sign", "tangent_hyperbolic"]
 
 
 @dataclass(frozen=True)
@@ -143,8 +142,11 @@ class Friction(ABC):
     #: Its place in the list of ``friction: auto``; it is to be stated where there is none.
     selection: ClassVar[SelectionUse | None] = None
 
-    #: Parts that it contains: it may come in their place, not beside them, where the logs decide about all of them.
+    #: Parts that it contains as stated: it may come in their place where the logs decide about all of them.
     in_place_of: ClassVar[tuple[str, ...]] = ()
+
+    #: Parts that it contains with other values of its fields, beside those of ``in_place_of``.
+    contains: ClassVar[tuple[str, ...]] = ()
 
     #: Parts of which one is there before the logs may add it.
     after: ClassVar[tuple[str, ...]] = ()

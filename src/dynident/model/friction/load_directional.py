@@ -40,9 +40,10 @@ class LoadDirectional(Friction):
         Coefficient("Fl+", "1", "1", nonnegative=True),
         Coefficient("Fl-", "1", "1", nonnegative=True),
     )
-    ranges: ClassVar = {"velocity": Range(0.01, 100.0), "width": Range(1e-3, 0.3, is_speed=True)}
-    selection: ClassVar = SelectionUse(6, {"velocity": 100.0, "width": 0.01, "choose": ("part", "width")})
+    ranges: ClassVar = {"velocity": Range(0.01, 100.0, is_speed=True), "width": Range(1e-3, 0.3, is_speed=True)}
+    selection: ClassVar = SelectionUse(8, {"velocity": 100.0, "width": 0.01, "choose": ("part", "width", "velocity")})
     in_place_of: ClassVar = ("load",)
+    contains: ClassVar = ("load_stribeck",)
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         slow = exponential(-((at.dq / self.velocity) ** 2))

@@ -35,7 +35,7 @@ class LoadStribeck(Friction):
 
     coefficients: ClassVar = (Coefficient("Fls", "1", "1", nonnegative=True),)
     ranges: ClassVar = {"velocity": Range(0.01, 2.0, is_speed=True), "width": Range(1e-3, 0.3, is_speed=True)}
-    selection: ClassVar = SelectionUse(8, {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity")})
+    selection: ClassVar = SelectionUse(7, {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity")})
     after: ClassVar = ("load", "load_directional")
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:

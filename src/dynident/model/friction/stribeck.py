@@ -42,7 +42,7 @@ class Stribeck(Friction):
         "width": Range(1e-3, 0.3, is_speed=True),
     }
     selection: ClassVar = SelectionUse(
-        7, {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity", "exponent")}
+        6, {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity", "exponent")}
     )
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:

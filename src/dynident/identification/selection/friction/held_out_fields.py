@@ -1,12 +1,9 @@
 """Non-linear friction fields, and whole parts, whose stated value stands unless held-out samples ask for another one.
 
 The best value in the fit (see :mod:`variable_projection`) takes up whatever the model lacks, and the next motion need
-not have it. Here values are compared by what they say about stretches of the logs that the fit has not seen, and
-another value is taken only where its error is smaller than that of the stated one by more than chance makes it look in
-one of twenty logs (Student's t of the differences, block by block). Then it is found to a finer step, in a fit of all
-rows near it.
-
-The fastest rows are one more stretch: what is chosen has to go on beyond the speeds of the fit.
+not have it. Here values are compared by what they say about stretches of the logs that the fit has not seen, and about
+the fastest rows. Another value is taken only where its error is smaller than that of the stated one by more than chance
+makes it look in one of twenty logs (Student's t of the differences), then to a finer step in a fit of all rows near it.
 
 Parts that ``choose`` names as a whole are added one by one, on all their drives at once, as long as that lowers the
 held-out error, and the shortest list is kept that the best one does not improve on by more than chance. A part with
@@ -21,6 +18,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -52,6 +50,8 @@ COARSE, BESIDE, NEAR = 13, 2, 2
 #: Why nothing was tried.
 TOO_FEW = "too few samples to hold some out"
 
+Places: TypeAlias = Sequence[int]
+Points: TypeAlias = Sequence[Mapping[str, float]]
 #: Steps to finer values at most: of those that are taken for another one, and of all of them together at the end.
 FINER, POLISHED = 3, 10
 
@@ -83,6 +83,7 @@ class FrictionSearch:
         self._pooled, self._spans, self._progress = pooled, spans, progress
         parts = model.friction
         self._inside = [{q for q, own in enumerate(parts) if called(own) in part.in_place_of} for part in parts]
+        self._contained = [{q for q in self.absent if called(parts[q]) in part.contains} for part in parts]
         self.tells = self.tried((), ()).tells  # whether the blocks have rows enough to hold some out
 
     @property
@@ -127,7 +128,7 @@ class FrictionSearch:
             return
         self.parts()
         taken = [p for p, held in self.decided.items() if held.value]
-        needed = {name for p in taken for name in self.stated.friction[p].after}
+        needed = {name for p in taken for own in (self.stated.friction[p],) for name in (*own.after, *own.in_place_of)}
         linear = [p for p in taken if not self._own_fields(p) and called(self.stated.friction[p]) not in needed]
         if taken or self.remembers:
             self.polish()
@@ -142,7 +143,7 @@ class FrictionSearch:
         for p, name in self._spans:
             names = [name] if name == "width" else self._own_fields(p)
             group = self._group(p, name)
-            if p not in self.absent and p == group[0] and name == names[0]:
+            if p not in self.absent and p == group[0] and name in names[:1]:
                 self.found |= {(p, each.field): each for each in self._chosen(group, names)}
 
     def parts(self) -> None:
@@ -156,11 +157,14 @@ class FrictionSearch:
     def add_parts(self, and_fields: bool = True) -> None:
         """Put absent parts with fields there that held-out rows ask for; with each, choose the fields of all again."""
         for p, part in enumerate(self.stated.friction):
-            there = {called(own) for q, own in enumerate(self.model.friction) if q not in self.absent}
-            if p in self.absent and self._own_fields(p) and not part.lags and (not part.after or there & {*part.after}):
-                self.decided[p] = self.with_part(p)
-                if self.decided[p].value and and_fields:
-                    self.fields()
+            there, is_absent = {called(own) for own in self.chosen.friction}, p in self.absent
+            wanted = {*part.after, *(called(self.stated.friction[q]) for q in self._inside[p])}
+            is_next = not wanted or there & wanted if is_absent else self._stands_for(p)
+            tried = self.with_part(p) if is_next and self._left_open(p) and not part.lags else None
+            if tried and (is_absent or tried.value):
+                self.decided[p] = tried
+            if tried and tried.value and and_fields:
+                self.fields()
 
     def polish(self) -> None:
         """Make values finer together: what is best of one hangs on the others.
@@ -191,8 +195,8 @@ class FrictionSearch:
     def with_linear_parts(self) -> dict[int, FieldChoice]:
         """Put the absent parts there that have no field of their own beside a width and that held-out rows ask for."""
         inside = self._inside
-        linear = [p for p in self.absent if self.heads[p] == p and not (self._own_fields(p) or p in self._lagging)]
-        linear = [p for p in linear if inside[p] <= {*linear}]
+        linear = [p for p in self.absent if self.heads[p] == p and (inside[p] or not self._left_open(p))]
+        linear = [p for p in linear if p not in self._lagging and inside[p] <= {*linear}]
         for p in linear:
             self._share_width(p)
         present = [p for p in range(len(self.model.friction)) if p not in self.absent]
@@ -200,13 +204,14 @@ class FrictionSearch:
             return {}
         named = ", ".join(dict.fromkeys(called(self.model.friction[p]) for p in linear))
         self._progress(f"friction: {named} on held-out samples")
-        pool, own = self._pooled.pool(self.model.friction), self._drives(present)
-        tried = HeldOut.of(pool, own, [own])
+        parts, own = self.model.friction, by_drive(self.model, self.model.friction, present)
+        tried = HeldOut.of(self._pooled.pool(parts), own, [own])
         if not self.tells:
             return {p: self._told(p, False, None) for p in linear}
 
         def errors_of(added: Sequence[tuple[int, ...]]) -> list[Array]:
-            return tried.with_parts([self._drives((*present, *self._of(extra))) for extra in added]).errors()
+            lists = [by_drive(self.model, parts, (*present, *self._of(extra))) for extra in added]
+            return tried.with_parts(lists).errors()
 
         chosen = shortest_list([p for p in linear if not inside[p]], errors_of)
         linear = [p for p in linear if inside[p] <= {*chosen}]
@@ -229,8 +234,17 @@ class FrictionSearch:
         return FieldChoice(called(part), part.joints, WHOLE, 0.0, best, taken, *evidence(gaps))
 
     def _own_fields(self, p: int) -> list[str]:
+        """Return the fields that are left to the logs; none of a part in the place of others, which is as stated."""
+        return [] if self._stands_for(p) else self._left_open(p)
+
+    def _left_open(self, p: int) -> list[str]:
         """Return the fields of a part that are left to the logs, without the width that it shares."""
         return [name for own, name in self._spans if own == p and name != "width"]
+
+    def _stands_for(self, p: int) -> set[int]:
+        """Return the places of the parts that one which is there stands in the place of."""
+        there = self.stated.friction[p].is_optional and p not in self.absent
+        return self._inside[p] if there and self._inside[p] <= {*self.absent} else set()
 
     def _share_width(self, p: int) -> None:
         """Give a part the width that those have that it shares it with."""
@@ -242,32 +256,35 @@ class FrictionSearch:
         """Return the places of stated parts and of those for drives of a width of their own."""
         return [p for p, head in enumerate(self.heads) if head in heads]
 
-    def _drives(self, parts: Sequence[int]) -> list[list[int]]:
-        """Return which of some parts each drive has."""
-        return by_drive(self.model, self.model.friction, parts)
-
     def with_part(self, p: int) -> FieldChoice:
-        """Hold a part against its absence, with the best values of its fields, and put it there if it is better."""
+        """Hold a part against its absence, or those it stands for, and put it there if it is better."""
         self._progress(f"friction: {called(self.model.friction[p])} on held-out samples")
-        self._share_width(p)
-        points = self._points(p, self._own_fields(p)[:1])  # further ones are as stated until it is there
-        tried = self.tried(self._of([p]), points)
+        comes, goes = self._stands_for(p), self._contained[p] - {*self.absent}
+        for q in (p, *comes):
+            self._share_width(q)
+        points = self._points(p, self._left_open(p)[:1])  # further ones are as stated until it is there
+        beside = [q for q in range(len(self.heads)) if q not in self.absent and self.heads[q] not in {p, *goes}]
+        tried = self.tried(self._of([p]), points, beside=[*beside, *self._of(comes)])
         if not self.tells:
             return self._told(p, False, None)
         first, *others = tried.errors()
         k = int(np.argmin([np.mean(each) for each in others]))
-        if better := is_better(gaps := first - others[k], least=OF_A_PART):
-            better = is_better(gaps := self._with_best_fields(tried) - others[k], least=OF_A_PART)
-        if better:
-            self.absent = tuple(other for other in self.absent if self.heads[other] != p)
+        before, is_swap, gaps = (self.model, self.absent), bool(comes or goes), first - others[k]
+        if (is_swap and not is_better(-gaps)) or is_better(gaps, least=OF_A_PART):
+            best, stays = self._with_best_fields(tried), {p, *comes}
+            self.absent = tuple(q for q in (*self.absent, *self._of(goes)) if self.heads[q] not in stays)
             self.model = with_values(self.model, self._of([p]), points[k])
+            gaps = best - (self._with_best_fields(tried) if is_swap else others[k])
+        if not (better := is_better(gaps, least=OF_A_PART)):
+            self.model, self.absent = before
+        elif is_swap:
+            self.decided |= {q: self._told(q, True, gaps) for q in comes}
+            self.decided |= {q: replace(self.decided[q], value=0.0) for q in goes}
+            self.found = {key: held for key, held in self.found.items() if key[0] not in goes or key[1] == "width"}
         return self._told(p, better, gaps)
 
     def _with_best_fields(self, tried: HeldOut) -> Array:
-        """Return the errors (B + 1,) of the model with the fields that fit all rows best, the rows weighted alike.
-
-        A value that is stated, or taken from a coarse grid, and not quite right is no evidence for a part.
-        """
+        """Return the errors (B + 1,) with the best fields, the rows weighted alike: other values are no evidence."""
         kept, groups = self.model, sorted({(self._group(*key), key[1]) for key in self._spans})
         if there := [each for each in groups if not set(each[0]) <= set(self.absent)]:
             self._finer(there)
@@ -362,21 +379,20 @@ class FrictionSearch:
             told = zip(own.values(), finer, strict=True)
             self.apart += [(group[0], replace(held, best=best, value=best)) for held, best in told]
 
-    def tried(
-        self, group: Sequence[int], points: Sequence[Mapping[str, float]], weights: Array | None = None
-    ) -> HeldOut:
-        """Return the model with values of fields of some parts; of one that is absent, it with each beside itself."""
+    def tried(self, group: Places, points: Points, weights: Array | None = None, beside: Places = ()) -> HeldOut:
+        """Return the model with values of fields of some parts, or it and each of them beside other parts."""
         model, present = self.model, [p for p in range(len(self.model.friction)) if p not in self.absent]
-        parts = [model.friction[p] for p in present]
+        others = [*present, *(p for p in beside if p not in present)]
+        parts = [model.friction[p] for p in others]
         stand_ins = [replace(model.friction[p], **each) for each in points for p in group]
         pool = self._pooled.pool(every := [*parts, *stand_ins])
 
         def columns(value: int | None) -> list[list[int]]:
-            places = {p: place for place, p in enumerate(present)}
+            places = {p: k for k, p in enumerate(others) if p in (present if value is None else beside or present)}
             if value is not None:
                 places |= {p: len(parts) + value * len(group) + k for k, p in enumerate(group)}
             return by_drive(model, every, places.values())
 
         sets = [columns(value) for value in (None, *range(len(points)))]
         tried = HeldOut.of(pool, sets[0], sets, weights)
-        return tried.with_parts(sets) if any(p in self.absent for p in group) else tried
+        return tried.with_parts(sets) if any(p in self.absent for p in (*group, *beside)) else tried
