@@ -88,3 +88,12 @@ def test_hashing_what_is_not_there(tmp_path):
     if os.name == "posix":
         with pytest.raises(FileError, match="this is a folder"):
             sha256_of(tmp_path)
+
+
+def test_a_folder_has_the_hash_of_the_names_and_contents_of_its_files(tmp_path):
+    def written(name, text):
+        (tmp_path / name).write_text(text)
+        return sha256_of(tmp_path)
+
+    found = [written("a", "1"), written("b", "2"), written("b", "3"), written("b", "2")]
+    assert found[1] == found[3] and len(set(found)) == 3

@@ -154,13 +154,17 @@ def _temporary() -> str:
 
 
 def sha256_of(path: str | os.PathLike[str]) -> str:
-    """Return the SHA-256 of a file's bytes in hexadecimal.
+    """Return the SHA-256 of a file's bytes in hexadecimal; of a folder, of the names and hashes of its files.
 
     Raises:
         FileError: The file cannot be read.
     """
     digest = hashlib.sha256()
     try:
+        if os.path.isdir(path):
+            for file in sorted(item for item in Path(path).iterdir() if item.is_file()):
+                digest.update(f"{file.name}\0{sha256_of(file)}\n".encode())
+            return digest.hexdigest()
         with open(path, "rb") as stream:
             while chunk := stream.read(_CHUNK):
                 digest.update(chunk)

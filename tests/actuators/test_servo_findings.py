@@ -70,6 +70,20 @@ def test_saturation_for_long_is_no_fault_beside_a_log_below_the_limit(log: Servo
     assert [one.severity for one in servo_findings(replace(log, kp=200.0), (LAW,), (log,))] == ["error"]
 
 
+def test_a_command_that_is_late_alone_is_no_saturation(log: ServoLog) -> None:
+    """At a high gain the way of some hundredths of a second is an error beyond full duty; a lasting error is one."""
+    late = np.interp(log.time - 0.02, log.time, log.q_ref[:, 0])[:, None]
+    stiff = replace(log, q=late, kp=60.0)
+    assert [one for one in names(stiff) if one[1] == "saturated"] == []
+    assert ("error", "saturated") in names(replace(stiff, q=late + 2.0))
+
+
+def test_a_joint_that_no_log_moves_is_named(log: ServoLog) -> None:
+    still = replace(log, q=1e-3 * log.q, q_ref=1e-3 * log.q_ref)
+    for others, is_told in (((still,), True), ((still, log), False)):
+        assert ("one pose" in [one.name for one in servo_findings(still, (LAW,), others)]) is is_told
+
+
 def test_an_end_stop_is_named(robot: Robot, log: ServoLog) -> None:
     """An arm that is let go and comes to rest on a table, at a limit of the robot model; led there, or swinging."""
     names = ("time", "q", "q_ref", "dq_ref", "added", "enabled", "supply", "failed")

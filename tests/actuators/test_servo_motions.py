@@ -202,6 +202,29 @@ def test_commands_and_simulated_motions_keep_the_limits(
         assert max(one.fastest for one in joint.motions) > 0.5 * speed
 
 
+def test_a_slide_has_steps_and_units_of_its_own(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A lift of 20 mm: the encoder of a preset counts turns, and says nothing of it."""
+    lift = '<joint name="lift" type="prismatic"><parent link="table"/><child link="arm"/><axis xyz="0 0 1"/>'
+    first, _, rest = TWO_JOINTS.partition('<joint name="lift"')
+    limit = '<limit lower="0" upper="0.02" effort="50" velocity="0.2"/></joint></robot>'
+    assert rest and Path("desk.urdf").write_text(first + lift + limit)
+    slow = DESK.replace("kp: 16", "kp: 16, joints: {lift: {law: position_servo, error_gain: 100}}")
+    for case, step in (
+        (slow, 0.02 / 4096),
+        (slow.replace("error_gain: 100", "error_gain: 100, resolution: 2e-6"), 2e-6),
+    ):
+        Path("desk.yaml").write_text(case)
+        turn, slide = servo_motions("desk.yaml").joints
+        assert (turn.slides, slide.slides) == (False, True)
+        assert turn.resolution == pytest.approx(2.0 * np.pi / 4096) and slide.resolution == pytest.approx(step)
+    assert main(["excite", "desk.yaml"]) == 0
+    shown = capsys.readouterr().out
+    assert "lift: encoder in steps of 0.002 mm" in shown and "limits (rad, rad/s or m, m/s)" in shown
+    Path("desk.yaml").write_text(slow.replace("error_gain: 100", "error_gain: 100, resolution: 0.005"))
+    assert main(["excite", "desk.yaml"]) == 1
+    assert "20 steps of the encoder (5 mm)" in capsys.readouterr().err
+
+
 def test_without_weight_only_ratios_are_known_until_a_payload_sets_the_scale(folder: Path) -> None:
     """K u - d v - c sign(v) = (J + armature) a: any multiple of all five solves it where no weight acts."""
     turn, lift = servo_motions("desk.yaml").joints

@@ -14,6 +14,9 @@ from dynident.errors import UnknownChoice
 #: Where a field of a law is known from.
 STATES: Final = ("measured", "documented", "unknown")
 
+#: Where a field is known from that the user states.
+_STATED: Final = "stated in the case file"
+
 
 @dataclass(frozen=True)
 class KnownFrom:
@@ -49,7 +52,7 @@ class DriveLaw:
         punch: Duty that is added outside the dead zone.
         slew_limit: Fastest change of the goal inside the drive in rad/s; infinite for none, None where it is free.
         delay_s: Time until a command acts in s; None where it is free.
-        resolution: Step of the encoder in rad; 0 where it is not known.
+        resolution: Step of the encoder in rad or m; 0 where it is not known.
         has_damping_gain: Whether the drive damps the velocity error by a gain that is to be found.
         damping_gain: That gain where it is known: duty (or N m) per rad/s; 0 where there is none, or it is to be found.
         full_torque: Torque at full duty that is known (of a drive that controls torque: torque over the commanded one)
@@ -94,9 +97,13 @@ class DriveLaw:
         known = {name: state for name, state in self.known.items() if name != "error_gain"}
         return DriveLaw(**{**vars(self), "kp": 1.0, "error_gain": 1.0, "known": known})
 
+    def for_slide(self) -> DriveLaw:
+        """The law of a joint that slides: the resolution of a preset is that of a turn."""
+        return self if self.state("resolution").source == _STATED else replace(self, resolution=0.0)
+
     def stated(self, fields: Mapping[str, Any]) -> DriveLaw:
         """Return the law with fields that the user states; they count as documented by the case file."""
-        known = dict(self.known) | {name: KnownFrom("documented", "stated in the case file") for name in fields}
+        known = dict(self.known) | {name: KnownFrom("documented", _STATED) for name in fields}
         return replace(self, known=known, **fields)
 
 

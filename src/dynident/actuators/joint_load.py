@@ -153,8 +153,8 @@ def rigid_inertia(robot: Robot) -> Array:
     nominal = robot.nominal
     if nominal is None or not np.any(np.abs(np.asarray(nominal)) > 0):
         step = (
-            "the known bodies are the scale of all torques: add inertial elements to the links, or a known payload; "
-            "without them gains, friction and armature are known as ratios only"
+            "the known bodies are the scale of all torques: add inertial elements to the links (mass, centre and "
+            "inertia, of CAD or scales; identify --bodies frees them); without, all that a log tells are ratios"
         )
         raise NotConsistent(f"robot '{robot.name}'", "its model has no inertias", step)
     return np.asarray(nominal)

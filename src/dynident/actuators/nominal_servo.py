@@ -35,6 +35,9 @@ FULL_ERROR: Final = 0.2
 #: Resolution in rad where the law states none: 4096 counts a turn.
 RESOLUTION: Final = 2.0 * np.pi / 4096
 
+#: That of a joint that slides, as a share of its range.
+STEP_OF_SLIDES: Final = 1.0 / 4096
+
 #: Other parameters of a friction model, where it has them: numbers, or shares of Coulomb friction.
 _FRICTION: Final = {
     "load_motor": 0.1,

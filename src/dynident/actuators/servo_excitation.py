@@ -12,7 +12,7 @@ from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.joint_fit import SATURATED, JointData
 from dynident.actuators.joint_load import JointLoad, measured_loads, measured_motion, rigid_inertia, with_payload
 from dynident.actuators.linear_start import free_parameters, has_weight, refinable, start_rows
-from dynident.actuators.nominal_servo import RESOLUTION, NominalServo
+from dynident.actuators.nominal_servo import RESOLUTION, STEP_OF_SLIDES, NominalServo
 from dynident.actuators.output_error import ServoProblem
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import encoder_step, record_of, rolled_out
@@ -99,7 +99,8 @@ class JointExcitation:
     Attributes:
         joint: Name of the joint.
         servo: The servo that is assumed.
-        resolution: Step of the encoder in rad that is assumed.
+        slides: Whether the joint slides.
+        resolution: Step of the encoder in rad or m that is assumed.
         motions: The motions.
         known: By set of motions (a kind alone, ALL, PAYLOAD) what would be known of each parameter. ``damping`` is
             viscous friction and back-EMF together, ``stiffness`` gain times torque at full duty.
@@ -107,6 +108,7 @@ class JointExcitation:
 
     joint: str
     servo: NominalServo
+    slides: bool
     resolution: float
     motions: tuple[SimulatedMotion, ...]
     known: Mapping[str, tuple[Known, ...]]
@@ -149,6 +151,7 @@ class _Joint:
     """One joint with the others held: robots of one joint by payload, and what bounds it."""
 
     name: str
+    slides: bool
     law: DriveLaw
     robots: Mapping[str, Robot]
     lower: float
@@ -204,7 +207,7 @@ def servo_excitation(
         has_weight = float(np.hypot(load.bias[0, 1], load.bias[0, 2])) > 0.0
         servo = servos(k, has_weight)
         ends = float(outer.lower[k]), float(outer.upper[k])
-        joint = _Joint(name, servo.law, robots, *ends, float(outer.velocity[k]))
+        joint = _Joint(name, not inner.revolute[k], servo.law, robots, *ends, float(outer.velocity[k]))
         frame = _frame(robot, k, float(pose[k]), inner, request, load, servo)
         found.append(_excited(joint, frame, servo, request))
     return tuple(found)
@@ -250,12 +253,14 @@ def _frame(
 def _excited(joint: _Joint, frame: MotionFrame, servo: NominalServo, request: MotionRequest) -> JointExcitation:
     kinds = [kind for kind in KINDS if kind != "release" or request.can_release]
     motions = tuple(_fitted(joint, frame, servo, kind, request.gains) for kind in kinds)
-    resolution = servo.law.resolution or RESOLUTION
+    resolution = servo.law.resolution or ((joint.upper - joint.lower) * STEP_OF_SLIDES if joint.slides else RESOLUTION)
     for one in motions:
         if one.highest - one.lowest < _LEAST * resolution:
+            size = f"{1e3 * resolution:.3g} {'mm' if joint.slides else 'mrad'}"
             step = (
-                f"it moves less than {_LEAST} steps of the encoder ({1e3 * resolution:.3g} mrad) within its limits: "
-                "give another pose (--pose) or the limits that the joint has, or lock it (locked: in the case file)"
+                f"it moves less than {_LEAST} steps of the encoder ({size}) within its limits: give another pose "
+                "(--pose), the limits that the joint has, the step of its encoder (servo: resolution), or lock it "
+                "(locked: in the case file)"
             )
             raise BadOption(f"{one.motion.kind} of {joint.name}", one.highest - one.lowest, step)
     sets: dict[str, tuple[tuple[ServoMotion, ...], tuple[str, ...]]] = {
@@ -271,7 +276,7 @@ def _excited(joint: _Joint, frame: MotionFrame, servo: NominalServo, request: Mo
             merged = refinable(servo.parameters, servo.law, FRICTION_MODELS[servo.friction], False)
             data = _simulated_set(joint, own, payloads, merged, request.gains, resolution)
         known[name] = _known(data, servo)
-    return JointExcitation(joint.name, servo, resolution, motions, known)
+    return JointExcitation(joint.name, servo, joint.slides, resolution, motions, known)
 
 
 def _simulated_set(

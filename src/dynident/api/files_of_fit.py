@@ -29,7 +29,7 @@ def file_of_fit(estimate: Estimate | ActuatorEstimate, facts: Mapping[str, Any])
     """
     known = facts.get("sha256")
     for place in places_of_fit(estimate, str(facts.get("path", ""))):
-        if place.is_file() and (not known or sha256_of(place) == known):
+        if place.exists() and (not known or sha256_of(place) == known):
             return str(place)
     return ""
 

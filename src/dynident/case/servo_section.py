@@ -33,6 +33,7 @@ LAW_KEYS = (
     "slew_limit",
     "delay_s",
     "damping_gain",
+    "resolution",
     "full_torque",
 )
 
@@ -67,13 +68,12 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
     own = section.section("joints", names) if section.has("joints") else None
     common = _law(section, guarded(section.place("law"), lambda: preset(section.choice("law", tuple(PRESETS)))))
     laws = []
-    for name in names:
-        if own is None or not own.has(name):
-            laws.append(common)
-            continue
-        each = own.section(name, LAW_KEYS)
-        base = preset(each.choice("law", tuple(PRESETS))) if each.has("law") else common
-        laws.append(_law(each, base))
+    for joint in robot.active:
+        law = common
+        if own is not None and own.has(joint.name):
+            each = own.section(joint.name, LAW_KEYS)
+            law = _law(each, preset(each.choice("law", tuple(PRESETS))) if each.has("law") else common)
+        laws.append(law if joint.kind == "revolute" else law.for_slide())
     place = section.place("joints")
     if not np.array_equal(np.asarray(robot.coupling), np.eye(len(names))):
         raise place.error("a coupling of drives beside servo", "leave out coupling: servos turn one joint each")
@@ -154,7 +154,7 @@ def _motors(section: Section, logged: tuple[str, ...]) -> tuple[MotorRange, ...]
 
 def _law(section: Section, law: DriveLaw) -> DriveLaw:
     fields: dict[str, object] = {}
-    for key in ("error_gain", "dead_zone", "punch"):
+    for key in ("error_gain", "dead_zone", "punch", "resolution"):
         if section.has(key):
             fields[key] = section.at_least_zero(key)
     if section.has("limit"):

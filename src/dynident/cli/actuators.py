@@ -138,7 +138,7 @@ def excite(case: Case, options: argparse.Namespace, defaults: argparse.Namespace
     for line in shown.unknown_lines(found):
         console.answer(line)
     console.answer()
-    console.answer_table(shown.range_table(found), "simulated motion beside the limits (rad, rad/s)")
+    console.answer_table(shown.range_table(found), shown.range_heading(found))
     for text in (*shown.next_lines(found, case.path, options.output), *found.remarks):
         for line in shown.wrapped(text):
             console.answer(line)

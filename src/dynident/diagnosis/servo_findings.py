@@ -25,6 +25,12 @@ _COARSE = 60
 #: A command this far from a limit of the robot model, in rad or m, does not lead the joint there.
 _LED = 0.1
 
+#: Largest delay of a command in s that is taken for one.
+_LATE = 0.05
+
+#: A joint that moves less than this in rad or m stays in one pose.
+_STAYS = 0.01
+
 #: A gap in time is this many median steps.
 _GAP = 8.0
 
@@ -43,7 +49,7 @@ def servo_findings(
     found = [*_gaps(log), *_untrained(log, trained)]
     for joint, law in enumerate(laws):
         found += [*_failed(log, joint), *_saturated(log, joint, law, others), *_coarse(log, joint)]
-        found += _read_back(log, joint)
+        found += [*_one_pose(log, joint, others), *_read_back(log, joint)]
         found += [] if any(not one.enabled[:, joint].all() for one in others) else _never_off(log, joint)
     found += _late_velocity(log)
     return sorted(found, key=lambda one: SEVERITIES.index(one.severity))
@@ -145,9 +151,12 @@ def _saturated(log: ServoLog, joint: int, law: DriveLaw, others: Sequence[ServoL
 def _limited(log: ServoLog, joint: int, law: DriveLaw) -> tuple[float, float]:
     """Return the share of the samples with the duty at its limit, and of those with the drive on; 0 of no known kp.
 
-    The first is small of a release, whose drive is on at speed only.
+    The first is small of a release, whose drive is on at speed only. The error is the least at any delay of the command
+    up to ``_LATE`` s: a late command alone is no duty.
     """
     on, error = log.enabled[:, joint], np.abs(log.q_ref[:, joint] - log.q[:, joint])
+    for late in range(1, 1 + int(_LATE / float(np.median(np.diff(log.time))))):
+        error[late:] = np.minimum(error[late:], np.abs(log.q_ref[:-late, joint] - log.q[late:, joint]))
     limited = on & (log.kp * law.error_gain * error >= law.limit)
     return float(np.mean(limited)), float(limited.sum() / max(on.sum(), 1))
 
@@ -171,6 +180,16 @@ def _coarse(log: ServoLog, joint: int) -> list[Finding]:
         return []
     evidence = f"the motion spans {count:.0f} steps of the encoder ({1e3 * step:.3g} mrad each)"
     return [Finding("warning", "quantisation", log.joints[joint], evidence, "log a larger motion")]
+
+
+def _one_pose(log: ServoLog, joint: int, others: Sequence[ServoLog]) -> list[Finding]:
+    """Return that neither command nor position of a joint moves, in this log and all others."""
+    spans = [float(np.ptp(each[:, joint])) for one in (log, *others) for each in (one.q, one.q_ref)]
+    if max(spans) >= _STAYS:
+        return []
+    evidence = f"command and position stay within {max(spans):.2g} rad or m in all logs"
+    remedy = "log motions of tens of degrees (dynident excite offers some), or lock the joint (locked: in the case)"
+    return [Finding("error", "one pose", log.joints[joint], evidence, remedy)]
 
 
 def _read_back(log: ServoLog, joint: int) -> list[Finding]:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from dynident.actuators.command_files import ServoMotions
-from dynident.actuators.parameters import PLACE, unit_of
+from dynident.actuators.parameters import PLACE, unit_for, unit_of
 from dynident.actuators.servo_excitation import JointExcitation
 from dynident.actuators.verdict import EXPERIMENTS, SCALE, Known, lacks_scale
 from dynident.results.table_width import wrap_text
@@ -54,7 +54,8 @@ def _half(one: Known | None) -> str:
 def _by_motion(joint: JointExcitation) -> Table:
     sets, rows = list(joint.known), []
     for name in joint.names:
-        value, unit = _value(joint, name), pretty_unit(_UNITS.get(name) or unit_of(name))
+        value = _value(joint, name)
+        unit = pretty_unit(unit_for(_UNITS.get(name) or unit_of(name), joint.slides))
         heading = name.replace("_", " ") + (f", {_ABSOLUTE[name][1]}" if name in _ABSOLUTE else "")
         shown = value if value == MISSING or unit == "1" else f"{value} {unit}"
         rows.append((heading, shown, *(_half(joint.of(name, one)) for one in sets)))
@@ -74,6 +75,13 @@ def _by_joint(found: ServoMotions) -> Table:
     heads = [Column(_SHORT[name], _ABSOLUTE[name][1] if name in _ABSOLUTE else "", numeric=True) for name in known]
     columns = [Column("joint"), *heads]
     return Table(tuple(columns), tuple(rows))
+
+
+def range_heading(found: ServoMotions) -> str:
+    """Return what the table of ranges shows, with the units of its joints."""
+    kinds = {joint.slides for joint in found.joints}
+    units = " or ".join(dict.fromkeys("m, m/s" if slides else "rad, rad/s" for slides in sorted(kinds)))
+    return f"simulated motion beside the limits ({units})"
 
 
 def range_table(found: ServoMotions) -> Table:
@@ -103,9 +111,9 @@ def servo_lines(found: ServoMotions) -> list[str]:
         lines += wrapped(f"{_of(joints, found)}{words}")
     for step in dict.fromkeys(joint.resolution for joint in found.joints):
         joints = [joint.joint for joint in found.joints if joint.resolution == step]
-        text = (
-            f"encoder in steps of {1e3 * step:.3g} mrad and no other error; friction {found.joints[0].servo.friction}"
-        )
+        own = next(joint for joint in found.joints if joint.resolution == step)
+        size = f"{1e3 * step:.3g} {'mm' if own.slides else 'mrad'}"
+        text = f"encoder in steps of {size} and no other error; friction {own.servo.friction}"
         lines.append(f"{_of(joints, found)}{text}")
     return lines
 
