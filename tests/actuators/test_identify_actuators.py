@@ -318,7 +318,7 @@ def test_a_robot_model_without_inertias_is_named(tmp_path: Path, robot: Robot) -
     )
     logs = virtual_logs(robot, parameters(), gains=(4.0,))
     setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")
-    with pytest.raises(NotConsistent, match=r"no inertias; .*ratios only"):
+    with pytest.raises(NotConsistent, match=r"no inertias; .*add inertial elements to the links .*are ratios"):
         identify_actuators(read_robot(str(tmp_path / "bare.urdf")), setup, logs)
 
 
