@@ -164,6 +164,11 @@ def test_predict_writes_torques_and_bands(cell: Path, capsys: pytest.CaptureFixt
     assert len(rows) == told["samples"] == 3000
     assert np.all(rows["half_measured1"] > rows["half_model1"]) and np.all(rows["half_model1"] >= 0)
     assert np.std(rows["tau_model1"] - rows["tau_measured1"]) < 0.05 * np.std(rows["tau_measured1"])
+    stamped = recorded(read_robot("generic-scara"), 2, 3000)
+    write_log(replace(stamped, time=stamped.time + 1.7e9), "stamped.csv")  # seconds since 1970
+    assert main(["predict", "estimate.json", "stamped.csv", "-o", "tau3.csv", "--quiet"]) == 0
+    times = np.genfromtxt("tau3.csv", delimiter=",", names=True)["t"]
+    np.testing.assert_allclose(times - 1.7e9, stamped.time, atol=1e-5)
     write_log(replace(recorded(read_robot("generic-scara"), 2, 3000), torque=None), "planned.csv")
     assert main(["predict", "estimate.json", "planned.csv", "-o", "tau2.csv", "--quiet"]) == 0
     estimate = read_estimate(Path("estimate.json"))

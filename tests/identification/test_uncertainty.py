@@ -20,6 +20,7 @@ from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
 from dynident.identification.identify import identify
+from dynident.identification.problem.choices import Choices, FieldChoice
 from dynident.identification.problem.problem import Problem, make_problem
 from dynident.identification.residuals.bands import bands, filter_power
 from dynident.identification.residuals.coloured import (
@@ -281,16 +282,31 @@ def test_intervals_count_that_a_field_of_friction_was_found(bench: Bench, exact_
 
 
 def test_estimates_move_with_a_field_as_their_covariance_says(bench: Bench, exact_log: MakeLog) -> None:
+    """Beside fits at other values of the field: how far the estimate moves, and how much worse they are."""
     problem = build_problem(with_ratio(bench, 3.0), [balanced(bench, exact_log, 3)], GIVEN)
     assert problem.choices.non_linear is not None
     (field,) = problem.choices.non_linear
-    own = np.log(field.high / field.low) / 2.0
+    (beta, weights), step = weights_of(problem), 0.02
+    models = [with_ratio(bench, field.value * float(np.exp(by))) for by in (-step, 0.0, step)]
+    sides = [make_problem(model, problem.base, problem.logs).reduced(weights) for model in models]
+    moved = (least_squares(sides[2]).beta - least_squares(sides[0]).beta) / (2.0 * step)
+    variance = 2.0 * step**2 / (sides[0].rest - 2.0 * sides[1].rest + sides[2].rest)
+    added = field_covariance(problem, beta, 1.0 / weights, np.full(2, 4.0))
+    wanted = 4.0 * variance * np.outer(moved, moved)
+    np.testing.assert_allclose(added, wanted, rtol=0.1, atol=0.02 * float(np.max(added)))
+    plain = bench.problem(bench.white(0))
+    assert not field_covariance(plain, beta[: plain.base.count], np.ones(2), np.ones(2)).any()
+
+
+def test_intervals_count_that_a_field_was_chosen_otherwise_than_stated(bench: Bench, exact_log: MakeLog) -> None:
+    problem = build_problem(with_ratio(bench, 3.0), [balanced(bench, exact_log, 3)], GIVEN)
     beta, weights = weights_of(problem)
-    sides = []
-    for by in (-0.02, 0.02):
-        model = with_ratio(bench, field.value * float(np.exp(by)))
-        sides.append(make_problem(model, problem.base, problem.logs).reduced(weights))
-    moved = np.subtract(*(least_squares(side).beta for side in reversed(sides))) / 0.04
-    added = field_covariance(problem, weights, beta)
-    np.testing.assert_allclose(added, np.outer(moved, moved) * own**2, rtol=0.05, atol=0.02 * float(np.max(added)))
-    assert not field_covariance(bench.problem(bench.white(0)), weights, beta[: bench.base.count]).any()
+    part = replace(problem.model.friction[-1], vary=None, choose=("ratio",))
+    value = part.options["ratio"]
+    told = FieldChoice("balancer", None, "ratio", 3.0, value, value, 0.5, 0.1)
+    model = replace(problem.model, friction=(*problem.model.friction[:-1], part))
+    taken = replace(problem, model=model, choices=Choices(chosen_fields=(told,)))
+    stated = replace(taken, choices=Choices(chosen_fields=(replace(told, stated=value),)))
+    size = 1.0 / weights, np.ones(2)
+    np.testing.assert_allclose(field_covariance(taken, beta, *size), field_covariance(problem, beta, *size))
+    assert not field_covariance(stated, beta, *size).any()

@@ -208,8 +208,9 @@ def _csv(found: PredictedTorque) -> str:
     if log.torque is not None:
         blocks["tau_measured"] = log.torque
     names = ["t", *(f"{kind}{i}" for kind in blocks for i in range(1, len(log.joints) + 1))]
-    rows = np.concatenate([log.time[:, None], *blocks.values()], axis=1)
-    lines = [",".join(f"{value:.9g}" for value in row) for row in rows]
+    rows = np.concatenate(list(blocks.values()), axis=1)
+    times = (f"{time:.15g}" for time in log.time)  # of the epoch in s it shows less than a microsecond
+    lines = [",".join([time, *(f"{value:.9g}" for value in row)]) for time, row in zip(times, rows, strict=True)]
     return "\n".join([",".join(names), *lines]) + "\n"
 
 

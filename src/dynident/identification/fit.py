@@ -60,7 +60,7 @@ def fit(problem: Problem, estimator: Estimator, progress: Callable[[str], None] 
     if covariance is None:
         found = spectral_uncertainty(problem, solution.weights, solution.beta)
         pull = solution.pull(problem)
-        found = found.with_prior(field_covariance(problem, solution.weights, solution.beta))
+        found = found.with_prior(field_covariance(problem, solution.beta, deviations, factors))
         covariance, degrees = found.covariance + np.outer(pull, pull), found.degrees
     return Estimate(
         model=model,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +12,12 @@ from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption
 from dynident.identification.consistency.consistent_fit import scale_of
 from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.problem.choices import FieldEstimate, GainUncertainty
+from dynident.identification.problem.choices import GainUncertainty
 from dynident.identification.problem.prior import PULL
 from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import RegressorStream, Segments
 from dynident.identification.residuals.row_passes import RowPasses
-from dynident.model.friction import Motion, called
+from dynident.model.friction import WHOLE, Motion, called
 from dynident.model.reduction import least_squares
 
 #: Step of the logarithm of a field on either side, for its slope.
@@ -120,38 +121,54 @@ def gain_slopes(problem: Problem, weights: Array, passes: RowPasses | None = Non
     return least_squares(problem.reduced(weights)).unscaled_covariance @ np.column_stack(products)
 
 
-def field_covariance(problem: Problem, weights: Array, beta: Array) -> Array:
-    """Return what estimated fields of friction parts add to the covariance of weighted least squares, shape (b, b).
+def field_covariance(problem: Problem, beta: Array, deviations: Array, factors: Array) -> Array:
+    """Return what fields of friction parts that the logs have found add to the covariance of beta, shape (b, b).
 
-    With D the slopes of the torque by the logarithms of the fields, beta moves by S = -A^-1 X'D as they do. Stated are
-    the deviations s of the fields; their correlations are those of (D'D + X'D S)^-1 (Golub and Pereyra 1973).
+    With D the slopes of the torque by the logarithms of the fields, beta moves by S = -A^-1 X'D as they do, whose
+    covariance is (D'D + X'D S)^-1 times how far residuals depend on each other (Golub and Pereyra 1973).
 
     Args:
         problem: The problem.
-        weights: Weight of each joint's rows, shape (n,).
         beta: The estimate, shape (b,).
+        deviations: Of the residual of each joint, shape (n,).
+        factors: Rows that one independent row stands for, of each joint, shape (n,).
     """
-    found = problem.choices.non_linear or ()
-    if not found:
+    slopes = [_field_slope(problem, parts, name, beta) for parts, name in _found_fields(problem)]
+    slopes = [slope for slope in slopes if slope.any()]
+    if not slopes:
         return np.zeros((len(beta), len(beta)))
-    passes = RowPasses(problem)
-    slopes = [_field_slope(problem, each, beta) * passes.counting * weights for each in found]
+    passes, weights = RowPasses(problem), 1.0 / deviations
+    slopes = [slope * passes.counting * weights for slope in slopes]
     products = np.column_stack([passes.products(slope * weights) for slope in slopes])
     moved = -least_squares(problem.reduced(weights)).unscaled_covariance @ products
     flat = np.reshape(slopes, (len(slopes), -1))
     inverse = np.linalg.pinv(flat @ flat.T + products.T @ moved, hermitian=True)
-    size = [max(each.high / each.value, each.value / each.low) for each in found]
-    moved *= np.log(size) / np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
+    moved *= [np.sqrt(np.average(factors, weights=np.sum(slope**2, axis=0))) for slope in slopes]
     return moved @ inverse @ moved.T
 
 
-def _field_slope(problem: Problem, field: FieldEstimate, beta: Array) -> Array:
-    """Return the slope of the filtered torque by the logarithm of a field, shape (N, n)."""
-    friction, sides = problem.model.friction, []
-    own = {p for p, part in enumerate(friction) if (called(part), part.joints) == (field.part, field.joints)}
-    for value in (field.value * np.exp(-STEP), field.value * np.exp(STEP)):
-        parts = [replace(each, **{field.field: float(value)}) if p in own else each for p, each in enumerate(friction)]
-        stream = RegressorStream(replace(problem.model, friction=tuple(parts)), problem.base, problem.regressor.load)
+def _found_fields(problem: Problem) -> Iterator[tuple[list[int], str]]:
+    """Yield fields of friction parts whose values the logs have found: places of the parts that share it, its name."""
+    chosen = [own for own in problem.choices.chosen_fields or () if own.field != WHOLE and own.value != own.stated]
+    for each in (*(problem.choices.non_linear or ()), *chosen):
+        parts = [
+            p
+            for p, part in enumerate(problem.model.friction)
+            if called(part) in each.part.split(", ") and getattr(part, each.field, None) == each.value
+        ]
+        if parts:
+            yield parts, each.field
+
+
+def _field_slope(problem: Problem, places: Sequence[int], name: str, beta: Array) -> Array:
+    """Return the slope of the filtered torque by the logarithm of a field of some parts, shape (N, n)."""
+    sides = []
+    for by in (-STEP, STEP):
+        parts = list(problem.model.friction)
+        for p in places:
+            parts[p] = replace(parts[p], **{name: getattr(parts[p], name) * float(np.exp(by))})
+        model = replace(problem.model, friction=tuple(parts))
+        stream = RegressorStream(model, problem.base, problem.load, only="friction")
         sides.append([stream.predict(log.log, beta) for log in problem.logs])
     changes = zip(problem.logs, *sides, strict=True)
     return np.concatenate([log.smooth((b - a).T).T[log.keep] for log, a, b in changes]) / (2.0 * STEP)
