@@ -297,7 +297,9 @@ def test_positions_read_otherwise_are_made_once(case: Case, tmp_path: Path, monk
     wrong = np.array([False, True, True])
     first = list(readings.found(wrong, feeds))
     count = made["products"]
-    assert [(one.name, one.joints) for one in first] == [("position sign", (case.robot.joint_names[1],))]
+    turned = (case.robot.joint_names[1],)
+    assert [(one.name, one.joints) for one in first] == [("position sign", turned), ("axis sign", turned)]
+    assert first[0].gain > first[1].gain
     again = list(readings.found(wrong, feeds))
     assert [one.gain for one in again] == [one.gain for one in first] and made["products"] == count
 
@@ -724,6 +726,15 @@ def test_a_position_of_the_wrong_sign_is_no_other_robot(
     monkeypatch.setattr(readings, "POOR", 10.0)
     (found,) = [one for one in put.turned(trial, ("q", "dq"), 2).examined(tmp_path).findings if one.severity == "error"]
     assert (found.name, found.joint) == ("position sign", trial.case.robot.joint_names[2])
+
+
+@pytest.mark.parametrize("joint", [1, 2])
+def test_an_axis_that_counts_the_other_way_is_named(case: Case, tmp_path: Path, joint: int) -> None:
+    """Position, velocity and torque of a joint turned together: no other robot, clock or spring."""
+    told = put.turned(virtual(case), ("q", "dq", "tau"), joint).examined(tmp_path).findings
+    (found,) = [one for one in told if one.severity != "note"]
+    assert (found.name, found.joint) == ("axis sign", case.robot.joint_names[joint])
+    assert "its position and torque" in found.remedy
 
 
 def test_causes_are_taken_in_where_they_predict_unseen_samples(trial: Trial, tmp_path: Path) -> None:

@@ -135,7 +135,7 @@ class PositionReadings:
         Pairs of positions are exchanged at ``wrong`` joints, shape (n,), and beside them, or those of neighbours where
         none is wrong, and all positions are read in another order or unit where half of the joints are wrong; a
         position of another sign may upset other joints alone, and mends friction that drives a joint, ``feeds`` (n,),
-        as a torque of another sign does.
+        as a torque of another sign does. An axis that the robot model counts the other way turns both.
         """
         fit, names, joints = self.fit, self._names, len(self._names)
         near = wrong | np.append(wrong[1:], False) | np.append(False, wrong[:-1])
@@ -145,6 +145,9 @@ class PositionReadings:
             turned = np.where(np.arange(joints) == i, -1.0, 1.0)
             remedy = "negate the column of its position, or the axis"
             yield from self._read(plain, turned, "position sign", (name,), remedy, FED if feeds[i] else GAIN + 1.0)
+            both = f"its position and {fit.effort}"
+            how, remedy = f"with {both} turned,", f"turn the signs of {both}, or its axis in the robot model"
+            yield from self._read(plain, turned, "axis sign", (name,), remedy, how=how, mixing=np.diag(turned))
         pairs = list(combinations(np.flatnonzero(near).tolist(), 2)) or list(pairwise(plain))
         orders = [_turned(plain, pair) for pair in pairs]
         for order in dict.fromkeys(chain(orders, _whole_orders(joints) if most else ())):
