@@ -19,7 +19,7 @@ from dynident.actuators.joint_fit import NO_LIMIT, JointData, JointFit, first_fi
 from dynident.actuators.joint_load import measured_loads, measured_motion
 from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH
-from dynident.actuators.parameters import PLACE
+from dynident.actuators.parameters import FRICTION_MODELS, PLACE, neutral
 from dynident.actuators.rollout import record_of
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
 from dynident.actuators.verdict import Known
@@ -302,13 +302,27 @@ def test_a_linear_start_that_is_far_off_is_no_saturation(tmp_path: Path) -> None
     assert fit.parameters[PLACE["full_torque"]] == pytest.approx(4 * 0.166 * arm.true[0, 1], rel=0.02)
 
 
-def test_friction_of_a_joint_of_an_arm_is_compared_from_the_fit_that_knows_its_loads(robot: Robot) -> None:
+def test_frictions_are_compared_from_the_fit_where_the_linear_start_is_farther_off(robot: Robot) -> None:
     """From a linear start under other loads fits of simple friction may end beside the answer, and lose."""
     data, fit = joint_of(robot, virtual_logs(robot, parameters())[:3])
-    wrong = [replace(one, target=-one.target, fixed={}) for one in data.rows]
-    begun = data.train, wrong, data.law, fit.scanned, data.has_off
-    beside, there = choose_friction(*begun)[1], choose_friction(*begun, fit.parameters)
+    wrong, off = [replace(one, target=-one.target, fixed={}) for one in data.rows], data.motion_seconds()[:, 1]
+    begun = data.train, wrong, data.law, fit.scanned, off
+    beside, there = choose_friction(*begun, neutral())[1], choose_friction(*begun, fit.parameters)
     assert there[0] == "m1" and there[1]["m1"] < 1e-3 < 5e-3 < beside["m1"]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("load", [0.0, 0.15], ids=["m1", "m3"])
+def test_friction_is_chosen_by_the_logs_in_which_the_joint_moves(robot: Robot, load: float) -> None:
+    """Of a joint that rests while others move the error is 0, by any friction; nor does the only free swing count."""
+    true = parameters(load_motor=load, load_external=load)
+    moving = virtual_logs(robot, true, gains=(4.0,)) + virtual_logs(robot, true, gains=(4.0,), seed=1)[:2]
+    still = np.zeros_like(moving[0].q)
+    held = [replace(moving[0], name=f"held {k}", q=still, q_ref=still) for k in range(2)]
+    setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "auto")
+    joint = identify_actuators(robot, setup, [*held, *moving]).joints[0]
+    assert ("load_motor" in FRICTION_MODELS[joint.friction].free) == (load > 0.0) and joint.friction != "m2"
+    assert 1e-4 < joint.folds[joint.friction] < 1e-3 and all(value > 1e-4 for value in joint.folds.values())
 
 
 def test_a_robot_model_without_inertias_is_named(tmp_path: Path, robot: Robot) -> None:

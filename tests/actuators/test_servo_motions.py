@@ -16,12 +16,14 @@ from servo_bench import PENDULUM, write_csv
 from dynident.actuators.command_files import CommandFile, ServoMotions
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import write_actuators
+from dynident.actuators.friction_choice import FOLDS, moves
 from dynident.actuators.identify import first_logs, identify_actuators
 from dynident.actuators.joint_fit import JointData
 from dynident.actuators.joint_load import measured_loads, measured_motion, with_payload
 from dynident.actuators.linear_start import StartRows, start_rows
 from dynident.actuators.nominal_servo import of_limits
 from dynident.actuators.parameters import PLACE
+from dynident.actuators.rollout import JointRecord, record_of
 from dynident.actuators.servo_excitation import MotionRequest, servo_excitation
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.virtual import ServoBench, virtual_log
@@ -140,10 +142,11 @@ def test_promised_half_widths_are_those_of_the_errors(folder: Path) -> None:
     assert np.mean(np.concatenate(list(found.values())) <= 1.0) > 0.92
 
 
-def test_what_is_searched_first_has_every_motion_of_every_joint(folder: Path) -> None:
+def test_what_is_searched_first_has_every_motion_of_every_joint(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 36 logs, each with one joint in motion: its drive is off in one of each joint, two of each have a payload."""
     robot, law, time = read_robot("desk.urdf"), preset("feetech_sts3215"), np.arange(0.0, 6.0, 0.02)
     rows: list[list[StartRows]] = [[], []]
+    records: list[list[JointRecord]] = [[], []]
     for k in range(36):
         q, enabled = np.tile([0.0, 1.5], (len(time), 1)), np.ones((len(time), 2), dtype=bool)
         q[:, k % 2] += 0.4 * np.sin(3.0 * time)
@@ -166,9 +169,17 @@ def test_what_is_searched_first_has_every_motion_of_every_joint(folder: Path) ->
         smooth = measured_motion(log)
         for joint, load in enumerate(measured_loads(robot, log, smooth)):
             rows[joint].append(start_rows(log, joint, load, smooth, law))
-    chosen = first_logs([JointData(one[0].log.joints[k], law, (), (), tuple(one)) for k, one in enumerate(rows)])
+            records[joint].append(record_of(log, joint, load, law))
+    datas = [
+        JointData(one[0].log.joints[k], law, tuple(own), (), tuple(one))
+        for k, (one, own) in enumerate(zip(rows, records, strict=True))
+    ]
+    chosen = first_logs(datas)
     assert chosen == sorted(set(chosen)) and 10 <= len(chosen) <= 14
     assert {10, 21} <= set(chosen) and {4, 28} & set(chosen) and {7, 33} & set(chosen)
+    monkeypatch.setattr("dynident.actuators.identify.FIRST_S", 6.0)  # few logs: each joint moves in each fold
+    few, more = ([int(moves(data.train)[first_logs(datas, name)].sum()) for data in datas] for name in ("m1", "auto"))
+    assert min(few) < FOLDS == min(more) and max(more) <= max(*few, FOLDS)
 
 
 @pytest.mark.parametrize("pose", [None, (0.5, 1.3), (-1.0, 2.0)])

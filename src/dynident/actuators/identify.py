@@ -12,9 +12,10 @@ from dynident.actuators.arm_coupling import Arm
 from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, finished, settled, turned
 from dynident.actuators.direction_search import turned_over
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
-from dynident.actuators.joint_fit import OFF_S, JointData, JointFit, at_ratio, first_fit, richer_fit, sought_again
+from dynident.actuators.friction_choice import FOLDS, moves
+from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit, richer_fit, sought_again
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
-from dynident.actuators.linear_start import start_rows
+from dynident.actuators.linear_start import OFF_S, start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
 from dynident.actuators.parameters import PLACE, with_zero
 from dynident.actuators.poor_fit import EXTRAPOLATION, poor_fit, unseen_weight
@@ -89,7 +90,7 @@ def identify_actuators(
             data = data.while_on()
         datas.append(data)
     arm = Arm(robots, measured, ends, motions, datas, [], [])
-    arm, bodies = _fitted(arm, first_logs(datas), setup.friction, progress), None
+    arm, bodies = _fitted(arm, first_logs(datas, setup.friction), setup.friction, progress), None
     if setup.bodies:
         arm, bodies = free_bodies(arm, robot, setup, logs, progress)
     arm, spreads = finished(arm, progress)
@@ -101,8 +102,10 @@ def identify_actuators(
     return ActuatorEstimate(robot.name, tuple(joints), bodies=bodies)
 
 
-def first_logs(datas: Sequence[JointData]) -> list[int]:
+def first_logs(datas: Sequence[JointData], friction: str = "m1") -> list[int]:
     """Return the training logs that all is found from first, at least FIRST_S; all of them for a single joint.
+
+    Where friction is to be chosen each joint moves in as many of them as there are folds of the cross-validation.
 
     Drawn one by one, from those with most motion of the joint, without or with a payload or its drive off, of which the
     logs before have the least share. They have some of each of these motions, as back-EMF stands on the drive that is
@@ -124,6 +127,9 @@ def first_logs(datas: Sequence[JointData]) -> list[int]:
         place = int(np.argmax(scarce >= _NEAR_MOST * scarce.max()))
         chosen.append(int(left[place]))
         left = np.delete(left, place)
+    for where in (moves(data.train) for data in datas if friction == AUTO):
+        scarce = [k for k in left.tolist() if where[k] and k not in chosen]
+        chosen += scarce[: max(FOLDS - int(where[chosen].sum()), 0)]
     return sorted(chosen)
 
 

@@ -11,6 +11,7 @@ from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.joint_load import JointLoad
 from dynident.actuators.linear_start import (
+    OFF_S,
     REST,
     LinearStart,
     StartRows,
@@ -55,9 +56,8 @@ _BESIDE = 2.0
 #: A slew limit of the goal that is faster than the fastest motion by this factor is none.
 NO_LIMIT = 10.0
 
-#: Shortest time in s with the drive off and the joint in motion, and its least speed in rad/s, that tells back-EMF from
-#: viscous friction.
-OFF_S, OFF_SPEED = 0.2, 0.2
+#: Least speed in rad/s of a joint whose drive is off that tells back-EMF from viscous friction.
+OFF_SPEED = 0.2
 
 
 @dataclass(frozen=True)
@@ -211,8 +211,8 @@ def richer_fit(
     folds: dict[str, float] = {}
     if friction == AUTO:
         progress(f"{data.name}: friction by cross-validation of roll-outs")
-        simple = fit.parameters if from_fit else None
-        friction, folds = choose_friction(data.train, data.rows, data.law, fit.scanned, data.has_off, simple)
+        off = data.motion_seconds()[:, 1]
+        friction, folds = choose_friction(data.train, data.rows, data.law, fit.scanned, off, fit.parameters)
     if friction == "m1":
         return replace(fit, folds=folds)
     progress(f"{data.name}: output error, friction {friction}")

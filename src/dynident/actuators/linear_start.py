@@ -21,6 +21,9 @@ from dynident.model.kernels.jit import compiled
 #: is left out.
 REST = 0.05
 
+#: Shortest time in s of motion with the drive off that tells back-EMF from viscous friction.
+OFF_S = 0.2
+
 #: Delays in s that are scanned where none is stated.
 DELAYS = (0.0, 0.004, 0.008, 0.012, 0.016, 0.024, 0.032)
 

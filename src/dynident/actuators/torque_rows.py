@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import nnls
 
-from dynident.actuators.joint_fit import OFF_S
 from dynident.actuators.joint_load import CUTOFF_HZ, MeasuredMotion, between, rigid_inertia
-from dynident.actuators.linear_start import REST, SLEWS, limited_goal
+from dynident.actuators.linear_start import OFF_S, REST, SLEWS, limited_goal
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray
 from dynident.model.kernels import batched

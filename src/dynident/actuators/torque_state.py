@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from dynident.actuators.directions import ODDS, LogTorques, Turned, likeliest
-from dynident.actuators.joint_fit import OFF_S
 from dynident.actuators.joint_load import carrying, measured_motion
-from dynident.actuators.linear_start import REST
+from dynident.actuators.linear_start import OFF_S, REST
 from dynident.actuators.servo_log import MOVED, ServoLog
 from dynident.actuators.torque_rows import STATE, bodies_torques, joint_rows
 from dynident.errors import LogMismatch
