@@ -12,7 +12,7 @@ from benchmarks.servo_bodies import disturbed
 from servo_bench import CASE_OF_LOGS, PENDULUM, fill, parameters, pendulum, virtual_logs
 
 from dynident.actuators.direction_search import turned_over
-from dynident.actuators.directions import AXIS, POSITION, LogTorques, compared
+from dynident.actuators.directions import AXIS, POSITION, LogTorques, Turned, compared
 from dynident.actuators.drive_law import preset
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
@@ -155,3 +155,16 @@ def test_check_names_the_direction(side: Robot, tmp_path: Path, capsys: pytest.C
     (tmp_path / "case.yaml").write_text(CASE_OF_LOGS)
     assert main(["check", str(tmp_path / "case.yaml"), *map(str, sorted(tmp_path.glob("*.csv")))]) == 0
     assert "error" not in capsys.readouterr().out
+
+
+def test_another_zero_is_not_told_of_a_joint_whose_roll_outs_follow(
+    side: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Torques that lack a part of the friction may fit another zero better; the roll-outs judge."""
+    found = Turned(AXIS, 0, 100.0, is_sure=True, left=0.5, zero=2.0, is_zero=True)
+    monkeypatch.setattr("dynident.actuators.identify.turned_over", lambda *_: [found])
+    setup = ServoSetup((LAW,), ServoColumns(side.joint_names), "m1")
+    for zero in (0.0, 2.0):
+        logs = [replace(log, q=log.q - zero, q_ref=log.q_ref - zero) for log in virtual_logs(side, parameters())[:3]]
+        told = joint_warnings(identify_actuators(side, setup, logs).joints[0])
+        assert any(text.startswith("another zero") for text in told) == (zero > 0.0)

@@ -13,7 +13,7 @@ from dynident.actuators.arm_fit import FEW_TURNS, FIRST_TURNS, MOST_TURNS, finis
 from dynident.actuators.direction_search import turned_over
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
 from dynident.actuators.friction_choice import FOLDS, moves
-from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit, richer_fit, sought_again
+from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit, follows, richer_fit, sought_again
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
 from dynident.actuators.linear_start import OFF_S, start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
@@ -95,7 +95,9 @@ def identify_actuators(
         arm, bodies = free_bodies(arm, robot, setup, logs, progress)
     arm, spreads = finished(arm, progress)
     progress("directions of the joints")
-    told = {one.joint: one.remark(robot.joint_names) for one in turned_over(robot, train)}
+    pairs = list(zip(arm.datas, arm.fits, strict=True))
+    odd = [one for one in turned_over(robot, train) if not (one.is_zero and follows(*pairs[one.joint]))]
+    told = {one.joint: one.remark(robot.joint_names) for one in odd}
     parts = enumerate(zip(arm.datas, arm.fits, spreads, strict=True))
     joints = [_answer(*each, kp, told.get(joint, "") if told else None) for joint, each in parts]
     joints = [one.of_slide() if own.kind == "prismatic" else one for one, own in zip(joints, robot.active, strict=True)]

@@ -238,6 +238,13 @@ def sought_again(data: JointData, fit: JointFit, effort: RefineEffort) -> JointF
     return found if np.log(after).mean() < np.log(before).mean() else fit
 
 
+def follows(data: JointData, fit: JointFit) -> bool:
+    """Return whether roll-outs of most logs in which a joint is not held leave no more than its encoder's noise."""
+    noise, errors = encoder_step(data.train) / np.sqrt(12.0), log_errors(fit.problem(data), fit.parameters)
+    own = [not one.is_held for one in data.train]
+    return bool(np.median(errors[own] if any(own) else errors) <= _BESIDE * noise)
+
+
 def _refined(
     data: JointData,
     friction: str,
