@@ -65,7 +65,8 @@ def test_load_friction_by_direction_that_passes_for_mass_is_told(shares: tuple[f
     assert len(told) == is_told
     if is_told:
         forth, back = re.findall(r"Fl[+-] (0\.\d+)", told[0])
-        assert abs(float(forth) - 0.1) < 0.05 and abs(float(back) - 0.25) < 0.05 and "load_directional" in told[0]
+        assert abs(float(forth) - 0.1) < 0.05 and abs(float(back) - 0.25) < 0.05
+        assert "load_directional: {velocity: 100, width: 0.02}" in told[0]
 
 
 def test_a_search_that_ended_far_from_the_proven_optimum_is_told() -> None:

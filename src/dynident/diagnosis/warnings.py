@@ -104,8 +104,13 @@ def _one_load_friction(estimate: Estimate) -> list[str]:
             told += (
                 f", those of the robot model with Fl+ {forth:.2f} and Fl- {back:.2f} (identified: {scale:.2f} of them)"
             )
-    remedy = "state load_directional: {velocity: 100} in the place of load, whose intervals hold that, or weigh a link"
-    return [f"load friction {share:.2f} may differ between driving and being driven; then {told}: {remedy}"]
+    width = min(float(part.options["width"]) for part in estimate.model.friction if called(part) == "load")
+    remedy = (
+        f"state load_directional: {{velocity: 100, width: {width:.3g}}} in the place of load, whose intervals hold that"
+    )
+    return [
+        f"load friction {share:.2f} may differ between driving and being driven; then {told}: {remedy}, or weigh a link"
+    ]
 
 
 def start_sentences(states: Sequence[Mapping[str, Any]]) -> list[str]:
