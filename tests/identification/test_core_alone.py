@@ -40,7 +40,7 @@ SIMULATED = SOURCE / "identification" / "simulated"
 #: fields by Gauss-Newton steps in place of grids in turn came with as many lines fewer in formats and estimators.
 #: Springs and balancers are 72. Intervals that count how uncertain found fields of friction are: 62; the motion of
 #: drives in a file of its own: 16.
-LINES = 30_656
+LINES = 30_644
 
 
 def _run(folder: Path, *words: str, package: Path | None = None) -> dict[str, object]:

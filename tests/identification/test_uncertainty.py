@@ -294,6 +294,9 @@ def test_estimates_move_with_a_field_as_their_covariance_says(bench: Bench, exac
     added = field_covariance(problem, beta, 1.0 / weights, np.full(2, 4.0))
     wanted = 4.0 * variance * np.outer(moved, moved)
     np.testing.assert_allclose(added, wanted, rtol=0.1, atol=0.02 * float(np.max(added)))
+    blind = field_covariance(problem, beta, 1e6 / weights, np.ones(2))  # then it may be anywhere in its range
+    wanted = np.outer(moved, moved) * np.log(100.0 / 1.01) ** 2 / 12.0
+    np.testing.assert_allclose(blind, wanted, rtol=0.1, atol=0.02 * float(np.max(wanted)))
     plain = bench.problem(bench.white(0))
     assert not field_covariance(plain, beta[: plain.base.count], np.ones(2), np.ones(2)).any()
 

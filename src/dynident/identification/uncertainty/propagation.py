@@ -125,7 +125,8 @@ def field_covariance(problem: Problem, beta: Array, deviations: Array, factors: 
     """Return what fields of friction parts that the logs have found add to the covariance of beta, shape (b, b).
 
     With D the slopes of the torque by the logarithms of the fields, beta moves by S = -A^-1 X'D as they do, whose
-    covariance is (D'D + X'D S)^-1 times how far residuals depend on each other (Golub and Pereyra 1973).
+    covariance is ((D'D + X'D S) / c + P^-1)^-1, with c how far residuals depend on each other (Golub and Pereyra 1973)
+    and P that of values anywhere in their ranges.
 
     Args:
         problem: The problem.
@@ -133,18 +134,21 @@ def field_covariance(problem: Problem, beta: Array, deviations: Array, factors: 
         deviations: Of the residual of each joint, shape (n,).
         factors: Rows that one independent row stands for, of each joint, shape (n,).
     """
-    slopes = [_field_slope(problem, parts, name, beta) for parts, name in _found_fields(problem)]
-    slopes = [slope for slope in slopes if slope.any()]
-    if not slopes:
+    found, friction = list(_found_fields(problem)), problem.model.friction
+    if not found:
         return np.zeros((len(beta), len(beta)))
     passes, weights = RowPasses(problem), 1.0 / deviations
-    slopes = [slope * passes.counting * weights for slope in slopes]
+    slopes = [_field_slope(problem, *field, beta) * passes.counting * weights for field in found]
+    shares = [np.sum(slope**2, axis=0) for slope in slopes]
+    grown = np.sqrt(np.array([float(np.average(factors, weights=own)) if own.any() else 1.0 for own in shares]))
+    slopes = [slope / by for slope, by in zip(slopes, grown, strict=True)]
+    ranges = [friction[parts[0]].ranges[name] for parts, name in found]
+    known = np.diag([12.0 / np.log(own.high / own.low) ** 2 for own in ranges])  # of a uniform distribution
     products = np.column_stack([passes.products(slope * weights) for slope in slopes])
     moved = -least_squares(problem.reduced(weights)).unscaled_covariance @ products
     flat = np.reshape(slopes, (len(slopes), -1))
-    inverse = np.linalg.pinv(flat @ flat.T + products.T @ moved, hermitian=True)
-    moved *= [np.sqrt(np.average(factors, weights=np.sum(slope**2, axis=0))) for slope in slopes]
-    return moved @ inverse @ moved.T
+    inverse = np.linalg.inv(flat @ flat.T + products.T @ moved + known)
+    return (moved * grown) @ inverse @ (moved * grown).T
 
 
 def _found_fields(problem: Problem) -> Iterator[tuple[list[int], str]]:
