@@ -39,7 +39,8 @@ SIMULATED = SOURCE / "identification" / "simulated"
 #: Widths of single drives are 149. One procedure for the choice of friction in place of two took out 602. Values of
 #: fields by Gauss-Newton steps in place of grids in turn came with as many lines fewer in formats and estimators.
 #: Springs and balancers are 72. Intervals that count how uncertain found fields of friction are: 62; the motion of
-#: drives in a file of its own: 16.
+#: drives in a file of its own: 16. Load friction that fades and a second look at presliding came with 12 fewer, as the
+#: matching of compressed logs went to `api`.
 LINES = 30_644
 
 

@@ -158,6 +158,7 @@ _OF_SLIDES: Final = {
     "N m s/rad": "N s/m",
     "kg m^2": "kg",
     "rad": "m",
+    "mrad": "mm",
     "rad/s": "m/s",
     "s/rad": "s/m",
 }

@@ -14,7 +14,7 @@ from dynident.actuators.joint_load import JointLoad, measured_loads, measured_mo
 from dynident.actuators.linear_start import free_parameters, has_weight, refinable, start_rows
 from dynident.actuators.nominal_servo import RESOLUTION, STEP_OF_SLIDES, NominalServo
 from dynident.actuators.output_error import ServoProblem
-from dynident.actuators.parameters import FRICTION_MODELS, PLACE
+from dynident.actuators.parameters import FRICTION_MODELS, PLACE, unit_for
 from dynident.actuators.rollout import encoder_step, record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.servo_motions import KINDS, MOST_TURN, MotionFrame, ServoMotion, caught_release
@@ -256,7 +256,7 @@ def _excited(joint: _Joint, frame: MotionFrame, servo: NominalServo, request: Mo
     resolution = servo.law.resolution or ((joint.upper - joint.lower) * STEP_OF_SLIDES if joint.slides else RESOLUTION)
     for one in motions:
         if one.highest - one.lowest < _LEAST * resolution:
-            size = f"{1e3 * resolution:.3g} {'mm' if joint.slides else 'mrad'}"
+            size = f"{1e3 * resolution:.3g} {unit_for('mrad', joint.slides)}"
             step = (
                 f"it moves less than {_LEAST} steps of the encoder ({size}) within its limits: give another pose "
                 "(--pose), the limits that the joint has, the step of its encoder (servo: resolution), or lock it "

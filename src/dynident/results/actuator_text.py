@@ -10,7 +10,7 @@ from dynident.actuators.directions import TURNED, ZEROED
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.followed_log import FollowedJoint
 from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
-from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE, unit_of
+from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE, unit_for, unit_of
 from dynident.actuators.poor_fit import EXTRAPOLATION, MISSED
 from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, LITTLE_WEIGHT, MORE_SWINGS, SCALE, lacks_scale
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
@@ -120,7 +120,7 @@ def joint_lines(joint: JointActuator) -> list[str]:
 
 def thousandth_of(joints: Sequence[JointActuator | FollowedJoint]) -> str:
     """Return the unit of small errors of joints that turn, or slide."""
-    return " or ".join({"mm" if joint.slides else "mrad": None for joint in joints})
+    return " or ".join({unit_for("mrad", joint.slides): None for joint in joints})
 
 
 def _spread(errors: list[float], unit: str) -> str:

@@ -79,8 +79,8 @@ def _by_joint(found: ServoMotions) -> Table:
 
 def range_heading(found: ServoMotions) -> str:
     """Return what the table of ranges shows, with the units of its joints."""
-    kinds = {joint.slides for joint in found.joints}
-    units = " or ".join(dict.fromkeys("m, m/s" if slides else "rad, rad/s" for slides in sorted(kinds)))
+    kinds = sorted({joint.slides for joint in found.joints})
+    units = " or ".join(f"{unit_for('rad', slides)}, {unit_for('rad/s', slides)}" for slides in kinds)
     return f"simulated motion beside the limits ({units})"
 
 
@@ -112,7 +112,7 @@ def servo_lines(found: ServoMotions) -> list[str]:
     for step in dict.fromkeys(joint.resolution for joint in found.joints):
         joints = [joint.joint for joint in found.joints if joint.resolution == step]
         own = next(joint for joint in found.joints if joint.resolution == step)
-        size = f"{1e3 * step:.3g} {'mm' if own.slides else 'mrad'}"
+        size = f"{1e3 * step:.3g} {unit_for('mrad', own.slides)}"
         text = f"encoder in steps of {size} and no other error; friction {own.servo.friction}"
         lines.append(f"{_of(joints, found)}{text}")
     return lines

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import sqlite3
 from collections.abc import Collection, Iterator, Mapping
@@ -17,8 +16,9 @@ from dynident.data.formats._bag_decoding import Decoder
 from dynident.data.formats._bag_definitions import check_arrays, check_texts, common_types
 from dynident.data.formats._bag_messages import Numbers
 from dynident.data.formats._mcap_salvage import McapChannel, is_cut, salvaged
+from dynident.data.formats.base import check_size
 from dynident.errors import BadOption, FileError, LogFormatError, MissingDependency
-from dynident.files import unreadable
+from dynident.files import sha256_of, unreadable
 
 _MAX_BYTES = 1 << 40
 _STORAGE = (".mcap", ".db3")
@@ -53,10 +53,9 @@ class BagSource:
         """Return the hash of the file; of a folder, of the names and hashes of its files."""
         if not self.place.is_dir():
             return checked_file(self.place, _MAX_BYTES)
-        whole = hashlib.sha256()
-        for file in sorted(item for item in self.place.iterdir() if item.is_file()):
-            whole.update(f"{file.name}\0{checked_file(file, _MAX_BYTES)}\n".encode())
-        return whole.hexdigest()
+        for file in filter(Path.is_file, self.place.iterdir()):
+            check_size(file, _MAX_BYTES, "split it into several logs")
+        return sha256_of(self.place)
 
     def topics(self) -> dict[str, str]:
         """Return the type of the messages of every topic.

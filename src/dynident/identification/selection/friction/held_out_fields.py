@@ -50,6 +50,7 @@ COARSE, BESIDE, NEAR = 13, 2, 2
 #: Why nothing was tried.
 TOO_FEW = "too few samples to hold some out"
 
+#: Places of parts in a model, and values of their fields by name.
 Places: TypeAlias = Sequence[int]
 Points: TypeAlias = Sequence[Mapping[str, float]]
 #: Steps to finer values at most: of those that are taken for another one, and of all of them together at the end.
