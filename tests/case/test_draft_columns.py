@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,7 +14,7 @@ from dynident.case.draft.column_words import WORDS, Meaning, meaning_of, split_u
 from dynident.case.draft.joint_choice import without_positions
 from dynident.case.draft.profile_fit import equally_good, fitting_profiles
 from dynident.case.draft.signal_choice import choose_signals
-from dynident.case.draft.signal_units import time_unit
+from dynident.case.draft.signal_units import position_factors, position_unit, time_unit
 from dynident.case.draft.yaml_words import plain, quoted
 from dynident.case.questions import MARK, check_answered, questions_in
 from dynident.data.profiles import PROFILES
@@ -246,3 +247,41 @@ def test_columns_of_a_joint_in_two_units_are_two_signals() -> None:
     header = ["X.pos [rad]", "A.pos [rad]", "X.pos [deg]", "A.pos [deg]"]
     found = [(group.names, group.meaning.unit, group.units) for group in groups_of(header, ("X", "A"))]
     assert found == [(tuple(header[:2]), "rad", ()), (tuple(header[2:]), "deg", ())]
+
+
+def test_addresses_of_drives_may_begin_anywhere() -> None:
+    header = ["millis", *(f"m{k}_present_position" for k in (11, 12, 13)), *(f"m{k}_current_mA" for k in (11, 12, 13))]
+    q, current = groups_of(header, ("a", "b", "c"))
+    assert (q.names, q.pattern, q.meaning.signal, q.meaning.strange) == (tuple(header[1:4]), "", "q", ())
+    assert (current.names, current.meaning.unit, current.meaning.strange) == (tuple(header[4:]), "mA", ())
+    assert not groups_of(header, ("a", "b"))  # of two joints the three are not
+
+
+@pytest.mark.parametrize("name, unit", [("millis", "ms"), ("micros", "us")])
+def test_counters_of_microcontrollers_are_a_time(name: str, unit: str) -> None:
+    assert time_columns([name]) == [name] and unit_of_time(name) == unit
+
+
+@pytest.mark.parametrize(
+    "name, signal, unit",
+    [
+        ("q1 [rev]", "q", "360 deg"),
+        ("Achse1.Istposition [Umdr]", "q", "360 deg"),
+        ("qd1 [rpm]", "dq", "6 deg/s"),
+        ("motor_speed_rpm_1", "dq", "6 deg/s"),
+        ("vel_1 [rev/s]", "dq", "360 deg/s"),
+    ],
+)
+def test_turns_are_counted_units(name: str, signal: str, unit: str) -> None:
+    (group,) = groups_of([name, name.replace("1", "2")], ("a", "b"))
+    assert (group.meaning.signal, group.meaning.unit, group.meaning.strange) == (signal, unit, ())
+
+
+def test_positions_in_turns_are_judged_by_the_limits_of_the_joints() -> None:
+    joints = read_robot("generic-6r").active
+    q = 0.2 * np.sin(np.linspace(0.0, 6.0, 50))[:, None] * np.ones(6)
+    told = position_unit(q, joints, "360 deg")
+    assert told.certain and told.words == ("360 deg",) * 6
+    np.testing.assert_allclose(position_factors(told, 6), 2 * np.pi)
+    counts = position_unit(np.round(2048 + 651.9 * q), joints, "")
+    assert not counts.certain and "4096 a turn" in counts.why

@@ -73,7 +73,7 @@ def groups_of(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
         header: Names of the columns.
         joints: Names of the joints of the robot, in order.
     """
-    return [*_named_groups(header, joints), *_numbered_groups(header)]
+    return [*_named_groups(header, joints), *_numbered_groups(header, len(joints))]
 
 
 def groups_of_robot(header: Sequence[str], robot: Robot) -> list[Group]:
@@ -222,8 +222,11 @@ def _joint_pattern(columns: Mapping[int, str], joints: Sequence[str]) -> str:
     return pattern if pattern.count("{") == 1 else ""
 
 
-def _numbered_groups(header: Sequence[str]) -> list[Group]:
-    """Return groups whose names differ in one number that runs from 0 or 1, and perhaps in their units."""
+def _numbered_groups(header: Sequence[str], count: int) -> list[Group]:
+    """Return groups whose names differ in one number, and perhaps in their units.
+
+    The number runs from 0 or 1; of a column for each of ``count`` joints from any, as the addresses of drives do.
+    """
     holes: dict[tuple[str, str], dict[int, str]] = {}
     twice: set[tuple[str, str]] = set()
     for name in header:
@@ -241,7 +244,7 @@ def _numbered_groups(header: Sequence[str]) -> list[Group]:
     found, container = [], _container(header)
     taken: set[str] = set()
     for (before, after), columns in sorted(holes.items(), key=lambda item: -len(item[1])):
-        run = _run(columns)
+        run = _run(columns, count)
         if not run or taken.intersection(run.values()):
             continue
         units = tuple(split_unit(run[number])[1] for number in sorted(run))
@@ -265,9 +268,9 @@ def _container(header: Sequence[str]) -> str:
     return low[: max(low.rfind(".", 0, same), low.rfind("/", 0, same)) + 1] if len(header) > 1 else ""
 
 
-def _run(columns: Mapping[int, str]) -> dict[int, str]:
-    """Return the columns whose numbers run from 0, or from 1, without a gap."""
-    first = 0 if 0 in columns else 1
+def _run(columns: Mapping[int, str], count: int) -> dict[int, str]:
+    """Return the columns whose numbers run from 0, or from 1, without a gap; ``count`` of them from any number."""
+    first = 0 if 0 in columns else 1 if 1 in columns or len(columns) != count else min(columns)
     run = {}
     while first + len(run) in columns:
         run[first + len(run)] = columns[first + len(run)]
@@ -276,6 +279,6 @@ def _run(columns: Mapping[int, str]) -> dict[int, str]:
 
 def _number_pattern(before: str, after: str, run: Mapping[int, str]) -> str:
     mark = "{0}" if 0 in run else "{}"
-    if any(sign in before + after for sign in "{}"):
+    if any(sign in before + after for sign in "{}") or not {0, 1} & run.keys():
         return ""
     return f"{before}{mark}{after}" if all(name == f"{before}{k}{after}" for k, name in run.items()) else ""

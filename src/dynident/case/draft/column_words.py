@@ -48,6 +48,9 @@ OTHER = frozenset(
     "quat flange voltage volt volts power status mode flag count version bits".split()
 )
 
+#: Counters of microcontrollers, which are a time and its unit.
+_COUNTERS: Mapping[str, tuple[str, ...]] = {"millis": ("time", "ms"), "micros": ("time", "us")}
+
 #: Words for the share of its drive that a servo uses, which is no torque.
 SHARE_WORDS = frozenset("load duty pwm".split())
 
@@ -57,8 +60,8 @@ ENABLED = re.compile(r"(torque|motor|drive|servo)[_ ]?(enabled?|on)\d*|enabled?\
 #: Words that say nothing more about a column.
 NEUTRAL = frozenset(
     "joint joints j axis axes a achse arm robot state states value values observation data of s field msg header raw "
-    "grp group actuator actuators drive drives gear wert gelenk achs antriebs articulation axe eje asse "
-    "关节 関節 轴 軸".split()
+    "grp group actuator actuators drive drives servo servos id dxl m gear wert gelenk achs antriebs articulation axe "
+    "eje asse 关节 関節 轴 軸".split()
 )
 
 #: What a dot over a signal makes of it.
@@ -71,12 +74,15 @@ UNIT_WORDS: Mapping[str, str] = {
     "mnm": "mN m", "n": "N", "a": "A", "amp": "A", "amps": "A", "ma": "mA", "%": "percent", "percent": "percent",
     "permille": "permille", "‰": "permille", "°": "deg", "°/s": "deg/s", "grad": "deg", "grad/s": "deg/s",
     "seconds": "s", "sek": "s", "msec": "ms",
+    **dict.fromkeys(("rev", "revs", "turn", "turns", "umdr", "umdrehungen"), "360 deg"),
+    **dict.fromkeys(("rpm", "rev/min", "u/min", "1/min", "min-1"), "6 deg/s"),
+    **dict.fromkeys(("rev/s", "revs/s", "turns/s", "rps"), "360 deg/s"),
 }  # fmt: skip
 
 _QUANTITY_UNITS: Mapping[str, frozenset[str]] = {
     "time": frozenset(("s", "ms", "us", "ns")),
-    "q": frozenset(("rad", "deg", "m", "mm")),
-    "dq": frozenset(("rad/s", "deg/s", "m/s", "mm/s")),
+    "q": frozenset(("rad", "deg", "m", "mm", "360 deg")),
+    "dq": frozenset(("rad/s", "deg/s", "m/s", "mm/s", "6 deg/s", "360 deg/s")),
     "torque": frozenset(("N m", "mN m", "N", "percent", "permille")),
     "current": frozenset(("A", "mA", "percent", "permille")),
 }
@@ -88,7 +94,7 @@ _UNIT_TELLS: Mapping[str, str] = {
 }  # fmt: skip
 
 #: Of these the words that have no other meaning in a name, so that a number may follow them.
-_PLAIN_UNITS = frozenset("rad deg rads degs mm nm mnm percent permille".split())
+_PLAIN_UNITS = frozenset("rad deg rads degs mm nm mnm percent permille rev revs rpm".split())
 
 _BRACKETED = re.compile(r"[\[({]\s*([^\[\](){}]*?)\s*[\])}]\s*$")
 
@@ -187,8 +193,7 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
         unit: Unit that stood in brackets.
         at_end: Whether the last word stood at the end of the name, where a unit may stand.
     """
-    words = list(words)
-    words = _undotted(words)
+    words = [own for word in _undotted(list(words)) for own in _COUNTERS.get(word, (word,))]
     signals, kind, side, strange = _signals(words), "", "", list[str]()
     signal = _one(signals)
     if not unit and len(words) > 1 and words[-1] in UNIT_WORDS and (at_end or _is_plain(words)):

@@ -19,6 +19,7 @@ from dynident.case.draft.signal_choice import choose_signals
 from dynident.case.draft.signal_units import (
     HEADER,
     SignalUnit,
+    factor_of,
     position_factors,
     position_unit,
     time_unit,
@@ -41,7 +42,7 @@ from dynident.case.evidence.torques import torque_evidence
 from dynident.case.evidence.velocities import is_near, velocity_pair
 from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import SUM, TimedTable
-from dynident.data.formats._units import RATED, UNITS
+from dynident.data.formats._units import RATED
 from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn, turns_counted
 from dynident.errors import LogFormatError
@@ -216,8 +217,7 @@ def _by_velocities(found: Recognised, told: SignalUnit) -> SignalUnit:
         or first.signals["dq"].shape != first.signals["q"].shape
     ):
         return told
-    (numerator, denominator), _ = UNITS["time"][told.text]
-    seconds = first.time * numerator / denominator
+    seconds = first.time * factor_of("time", told.text)
     if not is_near(_velocity_ratio(seconds, first.signals["q"], first.signals["dq"])):
         return told
     return replace(told, certain=True, why=f"{told.why}; in {told.text} velocities are the derivative of the positions")
@@ -322,7 +322,10 @@ def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
         seconds = found.to_seconds
         ratio = _velocity_ratio(first.time * seconds, first.signals["q"] * factors, first.signals["dq"])
         stated = stated_unit(found, "dq")
-        certain, in_stated = found.units["position"].certain, ratio * _velocity_factor(stated)
+        certain, in_stated = (
+            found.units["position"].certain,
+            ratio * (factor_of("velocity", stated) if stated else np.nan),
+        )
         if is_near(ratio) and certain:
             words = {"m": "m/s", "mm": "m/s"}
             told = tuple(words.get(word, "rad/s") for word in found.units["position"].words)
@@ -358,11 +361,6 @@ def _velocity_ratio(time: Array, q: Array, dq: Array) -> float:
     return float("nan") if pair is None or not pair.moving.any() else float(np.median(pair.ratios[pair.moving]))
 
 
-def _velocity_factor(stated: str) -> float:
-    (numerator, denominator), _ = UNITS["velocity"].get(stated, ((np.nan, 1.0), ""))
-    return numerator / denominator
-
-
 def _all_of_a_kind(found: Recognised) -> bool:
     return found.moving is not None and len({joint.kind for joint in found.moving.active}) == 1
 
@@ -379,12 +377,7 @@ def _first_columns(found: Recognised) -> Recognised:
 
 
 def _likely_si(q: Array, stated: str) -> Array:
-    return q * _factor(stated) if stated in UNITS["position"] else q
-
-
-def _factor(word: str) -> float:
-    (numerator, denominator), _ = UNITS["position"][word]
-    return numerator / denominator
+    return q * factor_of("position", stated) if stated else q
 
 
 def facts_of(reading: LogReading, seconds: float) -> str:

@@ -11,7 +11,7 @@ from dynident.arrays import Array
 from dynident.case.evidence.positions import STILL, is_plausible
 from dynident.case.evidence.rows import time_units
 from dynident.case.evidence.torques import agrees
-from dynident.data.formats._units import UNITS
+from dynident.data.formats._units import counted_unit, unit_of
 from dynident.model.robot import Joint
 
 #: How the evidence begins where the name of a column has its unit.
@@ -56,7 +56,7 @@ class SignalUnit:
 def time_unit(step: float, stated: str) -> SignalUnit:
     """Return the unit of the time from the median step in the file's unit and from what the header states."""
     fitting = time_units(step)
-    rates = ", ".join(f"{1 / (step * _factor('time', word)):.4g} Hz in {word}" for word in fitting[:2])
+    rates = ", ".join(f"{1 / (step * factor_of('time', word)):.4g} Hz in {word}" for word in fitting[:2])
     if stated and stated in fitting:
         return SignalUnit((stated,), True, f"the header states {stated}: {rates.split(',')[0]}")
     if not stated and "s" in fitting:
@@ -78,12 +78,15 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence
     spans = np.ptp(q, axis=0)
     for mine, (si, other), said in _of_one_unit(joints, each or (stated,) * len(joints)):
         own = [joints[k] for k in mine]
-        fits = {word: _fits(q[:, mine] * _factor("position", word), own) for word in (si, other)}
+        factors = {word: factor_of("position", word) for word in {si, other, said or si}}
+        fits = {word: _fits(q[:, mine] * factor, own) for word, factor in factors.items()}
         widths = np.array([joint.limits.upper - joint.limits.lower for joint in own])
         telling = bool(np.any(spans[mine] >= np.minimum(_TELLING, _SHARE * widths)))
         if said and fits[said]:
             word, sure, why = said, True, f"the header states {said}, and the limits of the joints agree"
-        elif said and not fits[si] and not fits[other] and _fits(q[:, mine] * _factor("position", said), own, _BEYOND):
+        elif (
+            said and not fits[si] and not fits[other] and _fits(q[:, mine] * factor_of("position", said), own, _BEYOND)
+        ):
             word, sure, why = said, True, f"the header states {said}; values reach beyond the limits of the joints"
         elif fits[si] and not said and telling:
             word, sure = si, True
@@ -98,6 +101,9 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence
             away = f"values reach {np.abs(q[:, mine]).max():.4g}"
             word = other if fits[other] and said != si else ""
             sure, why = False, f"{away}, beyond the limits as {si}{f', within them as {other}' if fits[other] else ''}"
+            why += (
+                "" if word or np.any(q[:, mine] % 1.0) else "; whole numbers: a count of 4096 a turn is 0.087890625 deg"
+            )
             either = _of_either_unit(q, joints, mine, (si, other)) if word == other else ""
             why, may_differ = why + either, may_differ or bool(either)
         certain &= sure
@@ -112,7 +118,7 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence
 def _of_one_unit(joints: Sequence[Joint], stated: Sequence[str]) -> Iterator[tuple[list[int], tuple[str, str], str]]:
     """Yield the places of the joints of a kind with one stated unit, the units that they may have, and that unit."""
     for kind, units in (("revolute", ("rad", "deg")), ("prismatic", ("m", "mm"))):
-        said = [word if word in units else "" for word in stated]
+        said = [word if counted_unit(word)[1] in units else "" for word in stated]
         mine = [k for k, joint in enumerate(joints) if joint.kind == kind]
         for word in dict.fromkeys(said[k] for k in mine):
             yield [k for k in mine if said[k] == word], units, word
@@ -121,7 +127,7 @@ def _of_one_unit(joints: Sequence[Joint], stated: Sequence[str]) -> Iterator[tup
 def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], units: tuple[str, str]) -> str:
     """Return what is said of joints that move as a joint does in SI units, and hardly at all in the others' unit."""
     si, other = units
-    spans, factor = np.ptp(q, axis=0), _factor("position", other)
+    spans, factor = np.ptp(q, axis=0), factor_of("position", other)
     doubtful = [
         k
         for k in mine
@@ -139,7 +145,7 @@ def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], unit
 def position_factors(told: SignalUnit, count: int) -> Array:
     """Return the factor of each of the columns of positions to SI by its unit, the likely one where it is asked."""
     words = told.words if len(told.words) == count else told.words[:1] * count or ("SI",) * count
-    return np.array([_factor("position", word) for word in words])
+    return np.array([factor_of("position", word) for word in words])
 
 
 def torque_unit(
@@ -192,6 +198,7 @@ def _fits(q: Array, joints: Sequence[Joint], times: float = 1.0) -> bool:
     return all(map(is_plausible, joints, q.min(axis=0).tolist(), q.max(axis=0).tolist()))
 
 
-def _factor(quantity: str, word: str) -> float:
-    (numerator, denominator), _ = UNITS[quantity][word]
+def factor_of(quantity: str, word: str) -> float:
+    """Return the factor of a unit to SI, the number before it included."""
+    (numerator, denominator), _ = unit_of(quantity, word)
     return numerator / denominator
