@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.servo_arms import arm_log, drawn_arm
-from servo_bench import TRUE, parameters, virtual_logs
+from servo_bench import PENDULUM, TRUE, parameters, virtual_logs
 
 from dynident.actuators.drive_law import PRESETS, STATES, DriveLaw, preset
 from dynident.actuators.estimate import JointActuator, read_actuators, write_actuators
@@ -281,6 +281,8 @@ def test_a_gain_in_any_unit_is_found_by_saturation(robot: Robot, scale: float, s
     if saturates:
         assert known["full_torque"].value == pytest.approx(0.97 * TRUE["full_torque"], rel=2e-3)
         assert known["gain_ratio"].value == pytest.approx(0.166 / 0.97 / scale, rel=2e-3)
+        limited = [one.enabled & (one.kp / scale * 0.166 * np.abs(one.q_ref - one.q) > 0.97) for one in logs]
+        assert joint.saturated == pytest.approx(np.mean(limited), abs=0.01) and joint.saturated > 0.02
     else:
         assert known["full_torque"].label == "not separable" and "gain_ratio" not in known
         assert joint.combinations[0].value == pytest.approx(2.4 * 0.166 / scale, rel=5e-3)
@@ -334,6 +336,9 @@ def test_a_robot_model_without_inertias_is_named(tmp_path: Path, robot: Robot) -
     setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")
     with pytest.raises(NotConsistent, match=r"no inertias; .*add inertial elements to the links .*are ratios"):
         identify_actuators(read_robot(str(tmp_path / "bare.urdf")), setup, logs)
+    (tmp_path / "light.urdf").write_text(PENDULUM.replace('mass value="0.8"', 'mass value="0"'))
+    with pytest.raises(NotConsistent, match=r"no masses; .*add inertial elements"):
+        identify_actuators(read_robot(str(tmp_path / "light.urdf")), setup, logs)
 
 
 def test_every_preset_says_where_its_fields_are_known_from() -> None:

@@ -112,6 +112,10 @@ def test_logs_of_the_command_line_are_those_of_the_report(folder: Path, capsys: 
     capsys.readouterr()
     assert main(["report", "a.json", "-o", "a.html", "--json"]) == 0
     assert [run["log"] for run in json.loads(capsys.readouterr().out)["roll_outs"]] == ["drop_kp4.csv"]
+    for logs in ([], ["steps_kp4.csv"]):  # options may stand before the logs
+        assert main(["validate", "a.json", "--json", "--quiet", *logs]) == 0
+        followed = [run["log"] for run in json.loads(capsys.readouterr().out)["roll_outs"]]
+        assert followed == (logs or ["drop_kp4.csv"])
 
 
 def test_init_asks_which_counts_they_are(folder: Path) -> None:
@@ -171,6 +175,20 @@ def test_init_takes_no_number_of_an_episode_for_a_gain(folder: Path, names: tupl
         Path(log).rename(f"{name}.csv")
     assert main(["init", "pendulum.urdf", *(f"{name}.csv" for name in names), "-o", "drafted.yaml"]) == 0
     assert f"\n  kp: {kp} " in Path("drafted.yaml").read_text()
+
+
+def test_init_drafts_the_case_of_a_log_of_one_pose(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A drive that sags under the weight: the draft is that of a servo, and the pose is named."""
+    time = np.arange(0.0, 3.0, 0.01)
+    table = np.column_stack([time, np.full(300, 0.28), np.full(300, 0.3), np.ones(300)])
+    np.savetxt("pose_kp4.csv", table, "%.6g", ",", header="t,q1,q_ref1,torque_enable", comments="")
+    assert main(["init", "pendulum.urdf", "pose_kp4.csv", "-o", "drafted.yaml"]) == 0
+    text = Path("drafted.yaml").read_text()
+    assert "servo:" in text and "estimator" not in text
+    Path("drafted.yaml").write_text(text.replace("position: ask", "position: rad"))
+    capsys.readouterr()
+    assert main(["check", "drafted.yaml"]) == 1
+    assert "joint1 stands in one pose throughout; log a motion" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("size", [1.0, 57.3], ids=["positions", "another unit"])

@@ -12,9 +12,11 @@ from servo_bench import PENDULUM, parameters, virtual_logs, write_csv
 
 from dynident.actuators.drive_law import preset
 from dynident.actuators.identify import identify_actuators
-from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup, is_read_back
+from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup, is_read_back, laws_of
+from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.cli.main import main
 from dynident.diagnosis.servo_findings import arm_findings, servo_findings
+from dynident.errors import LogMismatch
 from dynident.model.robot import Robot
 
 LAW = preset("feetech_sts3215")
@@ -76,6 +78,38 @@ def test_a_command_that_is_late_alone_is_no_saturation(log: ServoLog) -> None:
     stiff = replace(log, q=late, kp=60.0)
     assert [one for one in names(stiff) if one[1] == "saturated"] == []
     assert ("error", "saturated") in names(replace(stiff, q=late + 2.0))
+
+
+@pytest.mark.parametrize("size", [2.9, 0.5], ids=["far commands", "near commands"])
+def test_a_drive_of_an_unknown_law_that_is_saturated_throughout_is_named(robot: Robot, size: float) -> None:
+    """Commands that jump to and fro far off, too fast to be reached: the size of the error has no effect.
+
+    Logs that are saturated in part, below the limit, or where only stiction has one size, are not.
+    """
+    law, time = preset("position_servo"), np.arange(0.0, 6.0, 0.005)
+    bench, setup = ServoBench(robot, LAW), ServoSetup((law,), ServoColumns(("joint1",)), "m1")
+    limited = []
+    for kp in (600.0, 601.0):  # the limit is at an error of 10 mrad
+        jumps = size * np.sign(np.sin(0.01 * kp * time + 0.5 * np.sin(0.003 * kp * time)))
+        limited.append(replace(virtual_log(bench, parameters(), time, jumps, kp), kp=float("nan")))
+    below = np.mean([np.abs(log.q_ref - log.q) < LAW.limit / 600.0 / LAW.error_gain for log in limited])
+    assert (below < 0.02) == (size > 1.0)
+    told = [(one.severity, one.name, one.joint) for one in arm_findings(robot, limited, laws_of(setup, limited))]
+    assert (("error", "saturated", "joint1") in told) == (size > 1.0)
+    if size > 1.0:
+        with pytest.raises(LogMismatch, match=r"joint1 is at its limit throughout.* log slower or smaller motions"):
+            identify_actuators(robot, setup, limited)
+        assert "saturated" not in [one.name for one in arm_findings(robot, limited, (LAW,))]  # by kp and law, or never
+    for gains, coulomb in (((0.5,), 0.2), ((2.0, 20.0), 0.04)):
+        logs = [replace(log, kp=float("nan")) for log in virtual_logs(robot, parameters(coulomb=coulomb), gains=gains)]
+        assert [one.name for one in arm_findings(robot, logs, laws_of(setup, logs))] == []
+
+
+def test_where_all_logs_are_saturated_no_direction_is_told(log: ServoLog, robot: Robot) -> None:
+    """Commands that are turned over are named where the duty is below its limit."""
+    turned = replace(log, q_ref=-log.q_ref)
+    assert [one.name for one in arm_findings(robot, [turned], (LAW,))] == ["direction"]
+    assert arm_findings(robot, [replace(turned, kp=600.0)], (LAW,)) == []
 
 
 def test_a_joint_that_no_log_moves_is_named(log: ServoLog) -> None:

@@ -429,6 +429,7 @@ UNUSABLE = [
     (["identify", "generic-7r", "run.csv"], "run.csv:1: no column 'q3'"),
     (["validate", "no.json", "run.csv"], "no.json: there is no such file; check the path"),
     (["validate", "run.csv", "run.csv"], "run.csv: line 1 is not JSON"),
+    (["validate", "arm.json"], "LOG is not given; name the logs to compare with"),
     (["validate", "arm.json", "run.csv"], "arm.json: no estimate; give a file that 'dynident identify -o' has written"),
     (["report", "arm.json"], "arm.json: no estimate; give a file that 'dynident identify -o' has written"),
     (["inspect", "run.csv"], "run.csv: a log by its ending, where a robot model is wanted"),

@@ -12,7 +12,6 @@ import numpy as np
 from dynident.actuators.directions import (
     AXIS,
     NEARLY,
-    ODDS,
     Directions,
     LogTorques,
     Turned,
@@ -21,7 +20,7 @@ from dynident.actuators.directions import (
     runs_away,
 )
 from dynident.actuators.servo_log import ServoLog
-from dynident.actuators.torque_rows import COMMAND, ZERO
+from dynident.actuators.torque_rows import COMMAND, ODDS, ZERO
 from dynident.arrays import BoolArray
 from dynident.model.robot import Robot
 

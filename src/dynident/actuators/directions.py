@@ -10,13 +10,13 @@ import numpy as np
 
 from dynident.actuators.joint_load import MeasuredMotion, carrying, measured_motion
 from dynident.actuators.servo_log import MOVED, ServoLog
-from dynident.actuators.torque_rows import COMMAND, STATE, TorqueRows, bodies_torques, joint_rows
+from dynident.actuators.torque_rows import COMMAND, ODDS, STATE, TorqueRows, bodies_torques, joint_rows
 from dynident.arrays import Array, BoolArray
 from dynident.model.robot import Robot
 
-#: What is told has to be this much more likely than the logs as they are, by this many standard deviations over pieces
-#: of this length in s, and lower the logarithm of what is left by this on average for each joint that runs otherwise.
-ODDS, _DEVIATIONS, _PIECE_S, _LEAST = 1e3, 4.0, 1.0, 0.05
+#: What is told has to be more likely than the logs as they are by this many standard deviations over pieces of this
+#: length in s too, and lower the logarithm of what is left by this on average for each joint that runs otherwise.
+_DEVIATIONS, _PIECE_S, _LEAST = 4.0, 1.0, 0.05
 
 #: What explains this share of what the best does is told beside it.
 NEARLY = 0.9

@@ -15,11 +15,11 @@ from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActu
 from dynident.actuators.friction_choice import FOLDS, moves
 from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit, follows, richer_fit, sought_again
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
-from dynident.actuators.linear_start import OFF_S, start_rows
+from dynident.actuators.linear_start import OFF_S, saturated_share, start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
 from dynident.actuators.parameters import PLACE, with_zero
 from dynident.actuators.poor_fit import EXTRAPOLATION, poor_fit, unseen_weight
-from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, rolled_out, started
+from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, started
 from dynident.actuators.servo_log import (
     AUTO,
     ServoLog,
@@ -31,6 +31,7 @@ from dynident.actuators.servo_log import (
     laws_of,
 )
 from dynident.actuators.torque_scale import as_ratios, at_torque, contradiction, rescaled
+from dynident.actuators.torque_state import check_saturation
 from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters, lacks_scale
 from dynident.arrays import Array
 from dynident.model.robot import Robot
@@ -72,6 +73,7 @@ def identify_actuators(
         stated_bodies(robot, setup)
     progress("loads of the joints")
     laws = laws_of(setup, [*train, *test])
+    check_saturation(robot, laws, train)
     logs = check_gains([*train, *test], laws[0].kp)
     measured = [measured_motion(log) for log in logs]
     ends = [load_times(log, robot.dof) for log in logs]
@@ -86,9 +88,8 @@ def identify_actuators(
             for log, load, motion in list(zip(logs, loads, measured, strict=True))[: len(train)]
         ]
         data = JointData(name, law, tuple(records[: len(train)]), tuple(records[len(train) :]), tuple(rows))
-        if not (data.has_off or law.controls_torque):  # viscous friction stands for back-EMF too
-            data = data.while_on()
-        datas.append(data)
+        has_both = data.has_off or law.controls_torque  # else viscous friction stands for back-EMF too
+        datas.append(data if has_both else data.while_on())
     arm = Arm(robots, measured, ends, motions, datas, [], [])
     arm, bodies = _fitted(arm, first_logs(datas, setup.friction), setup.friction, progress), None
     if setup.bodies:
@@ -203,7 +204,7 @@ def _answer(
         remarks += contradiction(known, law.full_torque, law.gain_is_free)
     elif is_scaleless and turned is None:
         remarks += unseen_weight(data)
-    saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
+    saturated = saturated_share(data.rows, fit.parameters)
     known, combinations = _known_together(data, known, parameters, spread, kp)
     test = [started(one, fit.parameters, FIRST) for one in data.test]
     return JointActuator(

@@ -148,15 +148,16 @@ def rigid_inertia(robot: Robot) -> Array:
     """Return the inertial parameters of a robot model that the load is made of, shape (10 l,).
 
     Raises:
-        NotConsistent: The model has no inertias.
+        NotConsistent: The model has no inertias, or no masses.
     """
-    nominal = robot.nominal
-    if nominal is None or not np.any(np.abs(np.asarray(nominal)) > 0):
+    nominal, bodies = robot.nominal, [link.inertia for link in robot.links if link.inertia is not None]
+    if nominal is None or not any(body.mass > 0 for body in bodies):
+        lacks = "masses" if np.any(np.abs(np.asarray(nominal, dtype=float)) > 0) else "inertias"
         step = (
             "the known bodies are the scale of all torques: add inertial elements to the links (mass, centre and "
             "inertia, of CAD or scales; identify --bodies frees them); without, all that a log tells are ratios"
         )
-        raise NotConsistent(f"robot '{robot.name}'", "its model has no inertias", step)
+        raise NotConsistent(f"robot '{robot.name}'", f"its model has no {lacks}", step)
     return np.asarray(nominal)
 
 

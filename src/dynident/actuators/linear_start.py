@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -156,6 +156,16 @@ def duty_of(rows: StartRows, delay: float, slew: float) -> tuple[Array, BoolArra
     return np.clip(raw, -most, most), near
 
 
+def saturated_share(rows: Sequence[StartRows], parameters: Array) -> float:
+    """Return the share of the samples whose duty is at its limit by the measured positions, by parameters (COUNT,)."""
+    ratio, delay, slew = (float(parameters[PLACE[name]]) for name in ("gain_ratio", "delay", "slew_limit"))
+    shares = []
+    for one in rows:
+        scaled = replace(one, law=one.law * [ratio, 1.0, 1.0, 1.0])
+        shares.append((np.abs(duty_of(scaled, delay, slew)[0]) >= scaled.law[1]) & (one.on > 0.5))
+    return float(np.mean(np.concatenate(shares)))
+
+
 @dataclass(frozen=True)
 class LinearStart:
     """What the linear start found.
@@ -303,7 +313,7 @@ def _too_few(rows: Sequence[StartRows], count: int) -> LogMismatch:
             "the time (log: {units: {time: ms}})"
         )
         return LogMismatch(many, f"{name} moves in {moving} samples only (logs of {rate:.3g} Hz)", step)
-    evidence = f"only {count} samples of {name} move without saturation"
+    evidence = f"{f'only {count}' if count else 'no'} samples of {name} move without saturation"
     return LogMismatch(
         many, evidence, "log slower or smaller motions, or a lower kp, so that the duty stays below its limit"
     )

@@ -5,11 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from scipy.optimize import nnls
 
-from dynident.actuators.joint_load import CUTOFF_HZ, MeasuredMotion, between, rigid_inertia
+from dynident.actuators.drive_law import DriveLaw
+from dynident.actuators.joint_load import (
+    CUTOFF_HZ,
+    MeasuredMotion,
+    between,
+    carrying,
+    measured_motion,
+    rigid_inertia,
+)
 from dynident.actuators.linear_start import OFF_S, REST, SLEWS, limited_goal
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray
@@ -18,6 +27,9 @@ from dynident.model.robot import Robot
 
 #: Delay in s of the torques that is assumed: servos have 2 to 20 ms, and the filter lets 10 Hz pass.
 _DELAY_S = 0.01
+
+#: Delays that are tried where torques jump with the sign of the error.
+_DELAYS = (0.003, 0.006, 0.01, 0.015, 0.02)
 
 #: Quantiles of the position error at which the torque of a drive may bend: any torque that grows with the error and
 #: saturates is close to a sum of these.
@@ -32,6 +44,16 @@ ZERO = 0.3
 #: What of a drive may be turned over: its command against its position, and the column of the torque.
 COMMAND, STATE = "command", "state"
 
+#: A drive at its limit throughout, whose torque has the sign of the error alone, and one that never is.
+LIMITED, PROPORTIONAL = "limited", "proportional"
+
+#: What is said of a drive at its limit in all of its motion, and what to do.
+LIMITED_WORDS = "at its limit throughout: its torque has one size, whatever the position error"
+LESS = "log slower or smaller motions, or a lower position gain, so that the torque stays below its limit"
+
+#: What is told has to be this much more likely than the logs as they are.
+ODDS = 1e3
+
 
 @dataclass(frozen=True)
 class TorqueRows:
@@ -39,8 +61,8 @@ class TorqueRows:
 
     Attributes:
         always: Filtered columns of friction and armature, shape (K, c).
-        drive: Returns those of the drive, shape (K, d), by what is turned over, empty for nothing, and the place of the
-            slew limit in SLEWS.
+        drive: Returns those of the drive, shape (K, d), by what is turned over or LIMITED or PROPORTIONAL, empty for
+            nothing, and the place of the slew limit in SLEWS.
         moves: Samples of the grid of the motion where the joint moves, K of them.
         count: Values of the filtered torque there that are independent.
         factors: Columns and their QR factors by kind and place of the slew limit, made when asked for.
@@ -59,7 +81,7 @@ class TorqueRows:
         would else leave less.
 
         Args:
-            kind: COMMAND or STATE where that is turned over; else empty.
+            kind: As of ``drive``.
             target: The torque, shape (M,).
             slope: Its change by the zero of the encoder, which may be off by up to 0.3 rad, shape (M,); None for none.
         """
@@ -94,7 +116,9 @@ class TorqueRows:
         return columns @ nnls(matrix, aim - zero * turn)[0] + both @ (zero, -1.0)
 
 
-def joint_rows(log: ServoLog, joint: int, motion: MeasuredMotion, has_weight: bool = False) -> TorqueRows | None:
+def joint_rows(
+    log: ServoLog, joint: int, motion: MeasuredMotion, has_weight: bool = False, delay: float = _DELAY_S
+) -> TorqueRows | None:
     """Return what may explain the torque of a joint; None where it hardly moves.
 
     Args:
@@ -102,9 +126,10 @@ def joint_rows(log: ServoLog, joint: int, motion: MeasuredMotion, has_weight: bo
         joint: Number of the joint.
         motion: Measured motion of the log.
         has_weight: Whether any weight over its own angle may explain it too.
+        delay: Of the torques, in s.
     """
     time, q, dq = motion.time, motion.q[:, joint], motion.dq[:, joint]
-    now, before = (np.clip(np.searchsorted(log.time, at, side="right") - 1, 0, None) for at in (time, time - _DELAY_S))
+    now, before = (np.clip(np.searchsorted(log.time, at, side="right") - 1, 0, None) for at in (time, time - delay))
     moves, step, on = np.abs(dq) > REST, float(time[1] - time[0]), log.enabled[now, joint]
     if np.sum(moves) * step <= OFF_S:
         return None
@@ -116,6 +141,7 @@ def joint_rows(log: ServoLog, joint: int, motion: MeasuredMotion, has_weight: bo
         error = limited_goal(time, side * command, float(np.abs(dq).max()) * SLEWS[slew]) - angle
         bends = np.quantile(np.abs(error[moves]), _BENDS)
         own = [np.clip(error, -bend, bend) for bend in bends]
+        own = {LIMITED: [np.sign(error)], PROPORTIONAL: [error]}.get(kind, own)
         return motion.filtered((np.array([*own, -dq, *(side * given)]) * state).T)[moves]
 
     weight = [np.ones(len(q)), np.sin(q), np.cos(q)] if has_weight else []
@@ -127,6 +153,36 @@ def joint_rows(log: ServoLog, joint: int, motion: MeasuredMotion, has_weight: bo
         moves,
         2.0 * cutoff * step * float(moves.sum()),
     )
+
+
+def limited_throughout(robot: Robot, laws: Sequence[DriveLaw], logs: Sequence[ServoLog]) -> list[int]:
+    """Return the joints whose drives, of an unknown gain, are at their limit in all of their motion.
+
+    Then a torque with the sign of the position error alone explains the torque of the bodies at least as well as any
+    that grows with the error, and far better than one in proportion to it.
+
+    Args:
+        robot: With inertias, in SI units.
+        laws: Drive law of each joint; a joint whose gain is known is none of them.
+        logs: Logs of its joints.
+
+    Raises:
+        NotConsistent: The robot model has no inertias.
+    """
+    joints = [joint for joint, law in enumerate(laws) if law.gain_is_free and math.isfinite(law.limit)]
+    costs, least = np.zeros((len(joints), len(_DELAYS), 3)), float(np.finfo(float).tiny)
+    for log in logs if joints else ():
+        motion = measured_motion(log)
+        targets, slopes = bodies_torques(carrying(robot, log), motion, joints=joints)
+        for (k, joint), (late, delay) in product(enumerate(joints), enumerate(_DELAYS)):
+            rows = joint_rows(log, joint, motion, delay=delay)
+            if rows is not None:
+                own = targets[:, k], slopes[:, k]
+                errors = [rows.left(kind, *own) for kind in (LIMITED, "", PROPORTIONAL)]
+                costs[k, late] += [0.5 * rows.count * math.log(max(float(np.mean(e**2)), least)) for e in errors]
+    limited, growing, proportional = costs.min(axis=1).T
+    found = (limited <= growing) & (proportional - limited > math.log(ODDS))
+    return [joint for joint, is_limited in zip(joints, found.tolist(), strict=True) if is_limited]
 
 
 def bodies_torques(

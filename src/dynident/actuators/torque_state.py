@@ -1,18 +1,45 @@
-"""Logs whose column of the torque state is inverted: a joint is driven where the column says that its drive is off."""
+"""Logs whose column of the torque state is inverted, and logs whose drive is at its limit throughout."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from dynident.actuators.directions import ODDS, LogTorques, Turned, likeliest
+from dynident.actuators.directions import LogTorques, Turned, likeliest
+from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.joint_load import carrying, measured_motion
 from dynident.actuators.linear_start import OFF_S, REST
 from dynident.actuators.servo_log import MOVED, ServoLog
-from dynident.actuators.torque_rows import STATE, bodies_torques, joint_rows
+from dynident.actuators.torque_rows import (
+    LESS,
+    LIMITED_WORDS,
+    ODDS,
+    STATE,
+    bodies_torques,
+    joint_rows,
+    limited_throughout,
+)
 from dynident.errors import LogMismatch
 from dynident.model.robot import Robot
+
+
+def check_saturation(robot: Robot, laws: Sequence[DriveLaw], logs: Sequence[ServoLog]) -> None:
+    """Refuse logs in all of which a drive of an unknown gain is at its limit.
+
+    Args:
+        robot: With inertias, in SI units.
+        laws: Drive law of each joint.
+        logs: Logs of its joints.
+
+    Raises:
+        LogMismatch: The torque of a joint has one size, whatever the position error.
+        NotConsistent: The robot model has no inertias.
+    """
+    for joint in limited_throughout(robot, laws, logs):
+        names = ", ".join(log.name for log in logs[:4])
+        raise LogMismatch(names, f"the drive of {robot.joint_names[joint]} is {LIMITED_WORDS}", LESS)
 
 
 def check_torque_state(robot: Robot, log: ServoLog) -> None:

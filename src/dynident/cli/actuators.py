@@ -317,21 +317,22 @@ def check(case: Case, options: argparse.Namespace) -> int:
         DynidentError: A log that cannot be read, or a robot model without inertias.
     """
     from dynident.actuators.joint_load import rigid_inertia
-    from dynident.actuators.servo_log import kp_values
+    from dynident.actuators.servo_log import kp_values, laws_of
     from dynident.api.actuators import logs_of_servos
     from dynident.cli import console
     from dynident.diagnosis.servo_findings import arm_findings, servo_findings
     from dynident.results.text import counted
 
     _refuse(options, ("against", "fix"), "leave it out: it is for logs with torques")
-    laws = case.servo.laws if case.servo else ()
+    setup = case.servo
     case = replace(case, train=tuple(options.logs), test=()) if options.logs else case
     train, test = logs_of_servos(case)
     logs = train + test
     rigid_inertia(case.robot)
+    laws = laws_of(setup, logs) if setup else ()
     trained = [()] * len(train) + [kp_values(train)] * len(test)
     found = [(log, servo_findings(log, laws, logs, kp)) for log, kp in zip(logs, trained, strict=True)]
-    of_arm = arm_findings(case.robot, train)
+    of_arm = arm_findings(case.robot, train, laws)
     sound = all(one.severity != "error" for own in (of_arm, *(own for _, own in found)) for one in own)
     if options.json:
         told = [{"path": log.name, "findings": [one.figures() for one in own]} for log, own in found]

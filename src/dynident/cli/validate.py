@@ -4,7 +4,7 @@ dynident validate estimate.json other-run.csv --report report.html
 dynident validate estimate.json other-run.csv --accept total_error=5% better_than_nominal
 dynident validate estimate.json run.mcap --case bag.yaml
 
-An estimate of actuators (a case with servo:) is rolled out over the logs; the answer is the error of each roll-out.
+Of actuators (a case with servo:) the answer is the error of each roll-out, by default over the test logs of the case.
 
 The answer takes one screen: verdict, errors by joint, links, data, warnings; --full shows all tables.
 The acceptance criteria are those of the identification and those of --accept, judged on these logs.
@@ -32,7 +32,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     from dynident.cli.jobs import add_accept, add_log_case
 
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs to compare with")
+    text = "logs to compare with; of actuators none is needed"
+    logs = parser.add_argument("logs", nargs="+", default=[], metavar="LOG", help=text)
+    logs.required = False  # of actuators they are those of the case
     add_log_case(parser)
     add_accept(parser)
     parser.add_argument("--split", metavar="HOW", help="use only the test part of each log: first:0.67 or samples:...")
@@ -53,11 +55,14 @@ def run(options: argparse.Namespace) -> int:
     from dynident.data.split import Split
     from dynident.diagnosis.verdict import verdict_of
     from dynident.diagnosis.warnings import warnings_of
+    from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place, files_behind
     from dynident.identification.files.estimate_file import read_estimate
 
     if is_actuators(options.estimate):
         return actuators.validate(options)
+    if not options.logs:
+        raise BadOption("LOG", None, "name the logs to compare with")
     if options.report:
         check_place(options.report)
     with console.progress(3, options.quiet or options.json) as progress:

@@ -11,6 +11,7 @@ import numpy as np
 from dynident.actuators.direction_search import turned_over
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.servo_log import MOVED, ServoLog, is_outside, is_read_back
+from dynident.actuators.torque_rows import LESS, LIMITED_WORDS, limited_throughout
 from dynident.case.evidence.positions import SLACK, is_within
 from dynident.case.evidence.velocities import velocity_pair
 from dynident.diagnosis.finding import SEVERITIES, Finding
@@ -55,18 +56,23 @@ def servo_findings(
     return sorted(found, key=lambda one: SEVERITIES.index(one.severity))
 
 
-def arm_findings(robot: Robot, logs: Sequence[ServoLog]) -> list[Finding]:
+def arm_findings(robot: Robot, logs: Sequence[ServoLog], laws: Sequence[DriveLaw] = ()) -> list[Finding]:
     """Return which joints run the other way or have another zero, and which leave their limits, by all logs together.
 
     Args:
         robot: With inertias.
         logs: Logs of its joints, as they were read.
+        laws: Drive law of each joint, without a gain where none is known: joints that are saturated throughout are
+            named, and no direction and no zero is sought beside such a joint.
 
     Raises:
         NotConsistent: The robot model has no inertias.
     """
     found = []
-    for one in turned_over(robot, logs):
+    for joint in limited_throughout(robot, laws, logs):
+        found.append(Finding("error", "saturated", robot.joint_names[joint], f"the drive is {LIMITED_WORDS}", LESS))
+    is_blind = any(_is_throughout(joint, law, logs) for joint, law in enumerate(laws))
+    for one in turned_over(robot, logs) if not found and not is_blind else ():
         evidence, remedy = one.told(robot.joint_names)
         numbers = {"zero_rad": one.zero} if one.zero else {}
         name = "encoder zero" if one.is_zero else "direction"
@@ -139,13 +145,17 @@ def _saturated(log: ServoLog, joint: int, law: DriveLaw, others: Sequence[ServoL
     """Return that the duty is at its limit: almost throughout, or for long where no other log has it below."""
     if law.gain_is_free or not np.isfinite(law.limit):
         return []
-    share, of_drive = _limited(log, joint, law)
-    is_all = of_drive > _ALL_SATURATED
+    share, is_all = _limited(log, joint, law)[0], _is_throughout(joint, law, [log])
     if share < _MUCH_SATURATED or (not is_all and any(_is_below(one, joint, law) for one in others)):
         return []
     evidence = f"duty at its limit in {100 * share:.0f} % of the samples, by kp {log.kp:g} and the drive law"
     remedy = "lower kp, or smaller and slower motions; or correct kp, error_gain and limit under servo:"
     return [Finding("error" if is_all else "warning", "saturated", log.joints[joint], evidence, remedy)]
+
+
+def _is_throughout(joint: int, law: DriveLaw, logs: Sequence[ServoLog]) -> bool:
+    """Return whether the duty of a joint is at its limit almost throughout, in all of some logs."""
+    return not law.gain_is_free and all(_limited(log, joint, law)[1] > _ALL_SATURATED for log in logs)
 
 
 def _limited(log: ServoLog, joint: int, law: DriveLaw) -> tuple[float, float]:

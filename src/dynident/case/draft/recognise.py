@@ -308,10 +308,10 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
 
 
 def _is_alike(q: Array, q_ref: Array) -> bool:
-    """Return whether commands that move span about as much as the positions: a servo strays, and in the same unit."""
-    moves = np.ptp(q_ref, axis=0) > STILL  # the other joints are held
-    spans = np.ptp(q_ref, axis=0)[moves] / np.maximum(np.ptp(q, axis=0)[moves], STILL)
-    return bool(moves.any() and np.all((spans > 1 / _SPAN) & (spans < _SPAN)))
+    """Return whether commands span about as much as positions, or neither moves: a servo strays, in the same unit."""
+    way, told = np.ptp(q, axis=0), np.ptp(q_ref, axis=0)
+    spans = told[told > STILL] / np.maximum(way, STILL)[told > STILL]  # the other joints are held
+    return bool((len(spans) or way.max() < 10.0 * STILL) and np.all((spans > 1 / _SPAN) & (spans < _SPAN)))
 
 
 def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
