@@ -8,6 +8,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.log import Log
+from dynident.data.preprocessing._zero_phase import low_passed
 
 #: Length of a segment of Welch's average in s, and samples of it at most.
 SEGMENT_S, SEGMENT_SAMPLES = 10.0, 1 << 14
@@ -20,6 +21,9 @@ EXCITED = 0.99
 
 #: How far the power of the acceleration rises below its valley before it is that of the motion.
 MOTION = 10.0
+
+#: Deviation of rounding to the steps of positions, over that of their noise, up to which they are believed.
+ROUNDED = 3.0
 
 #: Bands an octave in which a spectrum is averaged.
 PER_OCTAVE = 3
@@ -118,3 +122,21 @@ def noise_floor(signal: Array, rate: float) -> Array:
     kept = power[high] if high.any() else power
     bands = max(1, len(kept) // 30)
     return np.median([part.mean(axis=0) for part in np.array_split(kept, bands)], axis=0)
+
+
+def like_noise(log: Log, steps: Array, generator: np.random.Generator) -> Array:
+    """Return noise as the positions of a uniform log have, shape (N, n).
+
+    It is white, of the power above the motion. Of positions with steps, shape (n,), 0 for none, it is what rounding to
+    them adds to the motion: errors of the frequency of the steps, of which little passes a filter but at slow motion.
+    """
+    spectra = spectra_of(log)
+    white, rounding = spectra.deviation, steps / 12**0.5
+    rounded = (steps > 0) & (rounding < ROUNDED * white)
+    rest = np.sqrt(np.maximum(white**2 - np.where(rounded, rounding, 0.0) ** 2, 0.0))
+    noise, step = rest * generator.normal(size=log.q.shape), np.where(rounded, steps, 1.0)
+    if not np.any(rounded):
+        return noise
+    motion = low_passed(log.q, 4, min(spectra.valley_hz.max(), 0.4 * log.rate), log.rate)
+    motion = motion + step * generator.uniform(-0.5, 0.5, len(step))
+    return np.where(rounded, step * np.round((motion + noise) / step) - motion, noise)

@@ -1,8 +1,8 @@
 """The bias by noise of the positions, which no residual shows: taken out of least squares, or into the intervals.
 
 Noise of the measured positions, in the rows, biases least squares (errors in variables). What it adds to the products
-[W, tau]'[W, tau] is found by adding as much again: noise of the power that the positions have above the motion is
-drawn, and a draw and its negative are reduced both, so that the first order cancels (Hammersley and Morton 1956). Less
+[W, tau]'[W, tau] is found by adding as much again: noise as the positions have (:func:`like_noise`) is drawn,
+and a draw and its negative are reduced both, so that the first order cancels (Hammersley and Morton 1956). Less
 that, least squares has no bias to first order in the variance (Fuller 1987, section 2.2; Cook and Stefanski 1994).
 Estimators that solve from triangles go without the bias; the others get its square into the covariance. Noise that is
 not white, of positions that were filtered before they were logged, is underestimated.
@@ -18,7 +18,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, preprocess, resample
-from dynident.data.preprocessing._spectra import noise_floor
+from dynident.data.preprocessing._spectra import like_noise
 from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimators.ols import OLS
@@ -37,6 +37,9 @@ REACHED = 0.3
 
 #: Share of noise in the information on a direction up to which it is taken out.
 MOST = 0.95
+
+#: The same up to which its first order is believed.
+BELIEVED = 0.5
 
 #: Share of the bias that is left at least: half stayed where noise of the speeds is wider than the sign of friction.
 LEFT = 0.5
@@ -65,12 +68,13 @@ def without_noise(
     if estimator.allows_for_noise:
         return estimate, problem
     even = [resample(log, problem.preprocessing.longest_gap_s) for log in logs]
-    noise = [np.sqrt(noise_floor(log.q, log.rate) * log.rate / 2) for log in even]
+    drawn = [np.random.default_rng([SEED, k]) for k in range(len(logs))]
+    noise = [like_noise(*each) for each in zip(even, [log.resolution for log in logs], drawn, strict=True)]
     try:
         more = _noisy(problem, even, noise)
         if not _may_matter(estimate, problem, more):
             return estimate, problem
-        added = _added(problem, (more, _noisy(problem, even, [-size for size in noise])))
+        added = _added(problem, (more, _noisy(problem, even, [-each for each in noise])))
         weights = np.ones(len(problem.triangles)) if isinstance(estimator, OLS) else 1.0 / estimate.joint_deviations
         bias, spread, share = bias_of(problem.reduced(weights), np.tensordot(weights**2, added, 1))
         if not np.any(np.abs(bias) > MATTERS * estimate.std):
@@ -81,7 +85,11 @@ def without_noise(
             estimate, problem = fit(clean, estimator), clean
     except DynidentError:  # positions that cannot be prepared with more noise, or a fit without a checked solution
         return estimate, problem
-    found = NoiseBias(tuple(np.sqrt(np.mean(np.square(noise), axis=0)).tolist()), tuple(bias.tolist()), left)
+    found = NoiseBias(
+        tuple(np.sqrt(np.mean([np.mean(each**2, axis=0) for each in noise], axis=0)).tolist()),
+        tuple(bias.tolist()),
+        left,
+    )
     grown = spread if left < 1.0 else np.eye(len(bias))
     covariance = grown @ estimate.covariance @ grown.T + left**2 * np.outer(bias, bias)
     return replace(estimate, covariance=covariance, choices=replace(estimate.choices, position_noise=found)), problem
@@ -90,6 +98,8 @@ def without_noise(
 def bias_of(reduced: Reduced, added: Array) -> tuple[Array, Array, float]:
     """Return what noise biases least squares by, shape (b,).
 
+    In directions of more noise than signal, whose shares come out up to above 1, the estimate is extrapolated from
+    noise added once and twice (Cook and Stefanski 1994), which moves it by three times itself at most.
     Also the matrix that errors grow by where it is taken out (b, b), and the largest share of noise in a direction.
 
     Args:
@@ -98,17 +108,20 @@ def bias_of(reduced: Reduced, added: Array) -> tuple[Array, Array, float]:
     """
     inverse, beta = np.linalg.inv(reduced.r), least_squares(reduced).beta
     shares, directions = np.linalg.eigh(inverse.T @ added[:-1, :-1] @ inverse)
-    spread = inverse @ (directions / (1.0 - np.minimum(shares, MOST))) @ directions.T @ reduced.r
-    return beta - spread @ (beta - inverse @ inverse.T @ added[:-1, -1]), spread, float(shares[-1])
+    once, twice = 1.0 / (1.0 + np.maximum(shares, 0.0)), 1.0 / (1.0 + 2.0 * np.maximum(shares, 0.0))
+    exact = 1.0 / (1.0 - np.minimum(shares, BELIEVED))
+    own, torque = np.where(shares > BELIEVED, [3.0 - 3.0 * once + twice, 3.0 * once - 2.0 * twice], exact)
+    spread = inverse @ (directions * own) @ directions.T @ reduced.r
+    moved = inverse @ (directions * torque) @ directions.T @ inverse.T @ added[:-1, -1]
+    return beta - spread @ beta + moved, spread, float(shares[-1])
 
 
 def _noisy(problem: Problem, logs: Sequence[Log], noise: Sequence[Array]) -> list[Prepared]:
-    """Return the logs of a problem with white noise on the positions, of these deviations (n,) of each."""
-    found = []
-    for k, (log, size, plain) in enumerate(zip(logs, noise, problem.logs, strict=True)):
-        drawn = size * np.random.default_rng([SEED, k]).normal(size=log.q.shape)
-        found.append(preprocess(replace(log, q=log.q + drawn), replace(plain.how, delay_s=plain.delay_s)))
-    return found
+    """Return the logs of a problem with noise on the positions, shape (N, n) of each."""
+    return [
+        preprocess(replace(log, q=log.q + drawn), replace(plain.how, delay_s=plain.delay_s))
+        for log, drawn, plain in zip(logs, noise, problem.logs, strict=True)
+    ]
 
 
 def _may_matter(estimate: Estimate, problem: Problem, logs: Sequence[Prepared]) -> bool:
