@@ -157,3 +157,9 @@ def test_fmpy_finds_no_fault_and_simulates_it(coupled_arm: Robot, tmp_path: Path
     for kind in ("CoSimulation", "ModelExchange"):
         rows = fmpy.simulate_fmu(str(tmp_path / "arm.fmu"), fmi_type=kind, **told)
         np.testing.assert_allclose([rows[name][-1] for name in asked], expected, rtol=1e-12)
+
+
+def test_a_name_that_no_simulator_knows_is_refused(pendulum: Robot, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"write -o arm\.fmu"):
+        export_model(bare(pendulum, ("viscous",)), "fmu", tmp_path / "arm.m")
+    assert not list(tmp_path.iterdir())

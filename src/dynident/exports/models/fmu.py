@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
+from dynident.errors import FileError
 from dynident.exports.c_compiler import NoCompilerRuns, find_compiler
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.fmu_proof import proofs_of_unit
@@ -42,6 +43,8 @@ class Fmu(ModelExporter):
         check_names(self.prefix, self.velocity_scale)
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
+        if path.suffix.lower() != self.suffix:
+            raise FileError(path, "simulators know a functional mock-up unit by .fmu", f"write -o {path.stem}.fmu")
         identifier = prefix_of(self.prefix, path)
         files = unit_files(subject, identifier, self.velocity_scale, document_bytes(subject, drives_of(subject)))
         note = "sources only, as asked for: simulators that do not compile them cannot use it"
