@@ -39,6 +39,9 @@ FEWEST_BLOCKS, FEWEST_ROWS = 8, 2.0
 #: Squared move by added noise, over the variance, below which one draw is enough.
 SMALL = 0.02
 
+#: Seed of the noise that is added.
+SEED = 20
+
 
 @dataclass(frozen=True)
 class CutoffCandidate:
@@ -73,7 +76,7 @@ class Bench:
         logs: Raw logs on uniform grids, joints in the order of the robot.
         delays: By how much the torque of each lags, in s.
         how: How they become rows; its filter is one whose cut-off is open.
-        noise: As the positions of each log have, shape (N, n) each.
+        noise: Standard deviation of the white noise of the positions of each log, shape (n,) each.
         share: Share of the recorded time that the logs are; the variance is stated for all of it.
     """
 
@@ -108,9 +111,10 @@ class Bench:
     def rows(self, hertz: float, added: float = 0.0) -> BlockTriangles:
         """Return the rows at a cut-off, noise of the positions' own size times ``added`` put on top of it."""
         how = self.at(hertz)
+        generator = np.random.default_rng(SEED)
         prepared = []
         for log, noise, delay in zip(self.logs, self.noise, self.delays, strict=True):
-            noisy = replace(log, q=log.q + added * noise) if added else log
+            noisy = replace(log, q=log.q + added * noise * generator.normal(size=log.q.shape)) if added else log
             prepared.append(preprocess(thinned_out(noisy, SAMPLES_PER_HZ * hertz), replace(how, delay_s=delay)))
         return block_triangles(unreduced(self.model, self.base, prepared), PERIODS / hertz, BLOCKS)
 

@@ -20,7 +20,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, preprocess, resample
-from dynident.data.preprocessing._spectra import Spectra, like_noise, spectra_of
+from dynident.data.preprocessing._spectra import Spectra, spectra_of
 from dynident.data.preprocessing.butterworth import STATED_HZ
 from dynident.errors import DynidentError
 from dynident.identification.problem.choices import CutoffRecord
@@ -41,9 +41,6 @@ BEYOND = 2.1
 
 #: Motion is imitated with the detail that passes up to so many times the least variance and noise bias.
 SHARP = 2.0
-
-#: Seed of the noise that is added.
-SEED = 20
 
 #: Time in s, over all logs, that the choice looks at.
 LONGEST_S = 120.0
@@ -187,8 +184,7 @@ def choose_cutoff(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) 
         if how.delay_s is None:
             plain = [preprocess(log, pilot) for log in seen]
             delays = [delay.applied for delay in find_delays(simple, base, plain)[0]]
-        drawn, steps = np.random.default_rng(SEED), np.max([log.resolution for log in logs], axis=0)
-        noise = tuple(like_noise(log, steps, drawn) for log in seen)
+        noise = tuple(each.deviation for each in spectra)
         bench = Bench(simple, base, seen, tuple(delays), how, noise, share)
         lowest = 0.5 * max(float(each.excited_hz.max()) for each in spectra)
         judged = _tried(bench, lowest, HIGHEST * rate)
