@@ -270,9 +270,12 @@ def test_counters_of_microcontrollers_are_a_time(name: str, unit: str) -> None:
         ("qd1 [rpm]", "dq", "6 deg/s"),
         ("motor_speed_rpm_1", "dq", "6 deg/s"),
         ("vel_1 [rev/s]", "dq", "360 deg/s"),
+        ("motor_pos_counts_1", "q", ""),
+        ("Encoder1", "q", ""),
+        ("enc_1 [inc]", "q", ""),
     ],
 )
-def test_turns_are_counted_units(name: str, signal: str, unit: str) -> None:
+def test_turns_and_counts_are_units(name: str, signal: str, unit: str) -> None:
     (group,) = groups_of([name, name.replace("1", "2")], ("a", "b"))
     assert (group.meaning.signal, group.meaning.unit, group.meaning.strange) == (signal, unit, ())
 

@@ -61,7 +61,7 @@ ENABLED = re.compile(r"(torque|motor|drive|servo)[_ ]?(enabled?|on)\d*|enabled?\
 NEUTRAL = frozenset(
     "joint joints j axis axes a achse arm robot state states value values observation data of s field msg header raw "
     "grp group actuator actuators drive drives servo servos id dxl m gear wert gelenk achs antriebs articulation axe "
-    "eje asse 关节 関節 轴 軸".split()
+    "eje asse counts ticks inc increments 关节 関節 轴 軸".split()
 )
 
 #: What a dot over a signal makes of it.
@@ -202,6 +202,8 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
         words = words[:-1] if is_told else words
     if signal in ("", "time") and set(words) <= NEUTRAL | KIND.keys() | _SIDES.keys() | {"t"}:
         signal = _UNIT_TELLS.get(unit, signal)  # J1 (deg), T1 (Nm), axis_1_deg
+    if not signal and {"enc", "encoder"} & set(words):
+        signal = "q"
     if signal in _QUANTITY_UNITS and unit not in _QUANTITY_UNITS[signal]:
         unit = ""
     for k, word in enumerate(words):
