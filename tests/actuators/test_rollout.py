@@ -87,6 +87,20 @@ def test_the_error_falls_with_the_square_of_the_step_with_dry_friction(
     assert errors[1] < most  # rad; 3e-5 where the whole step has the friction of its begin
 
 
+@pytest.mark.parametrize("load", [0.0, 0.1, 0.2])
+def test_a_jump_of_the_command_of_a_strong_drive_is_followed_to_a_fiftieth_of_a_step_of_the_encoder(
+    robot: Robot, load: float
+) -> None:
+    """The joint creeps before the jump; with the friction of the mean torque it was off by up to a sixth of one."""
+    strong = {"full_torque": 9.0, "back_emf": 1.0, "coulomb": 0.14, "armature": 0.0033, "delay": 0.00972}
+    true, law = parameters(load_motor=load, load_external=load, **strong), preset("feetech_sts3215")
+    for kp in (3.0, 6.0):
+        log = virtual_logs(robot, true, gains=(kp,))[1]
+        record = record_of(log, 0, measured_loads(robot, log)[0], law)
+        error = rolled_out(record, true).q - rolled_out(record, true, longest=1e-5).q
+        assert np.max(np.abs(error)) < 0.02 * law.resolution
+
+
 def test_the_delay_has_an_exact_derivative_where_a_joint_jumps_from_rest(records: list[JointRecord]) -> None:
     at, runs = NONE.copy(), []
     at[PLACE["delay"]] = 0

@@ -36,6 +36,9 @@ START_Q, START_V = COUNT, COUNT + 1
 ) = range(39)  # fmt: skip
 _ENTRIES = 39
 
+#: Steps of an interval in which the command changes by this share of its range are divided into so many.
+_WIDE, _PIECES = 0.2, 8
+
 #: Rows of the work array ``slopes``: position, velocity, motor torque, external torque, friction budget, drive force,
 #: goal inside the drive, its mean over a step, velocity before a reversal, in the middle of the step, a step before.
 _ROWS = 11
@@ -51,10 +54,8 @@ def _jump(samples: Array, begin: float, h: float, place: int, both: Array, now: 
     row = place + 1
     if row + 1 < len(samples) and samples[row + 1, 0] < begin + h:
         return False
-    for k in range(both.shape[1]):
-        both[1, k] = 0.0
-    now[_COMMAND] = now[_GOAL] = samples[place, 1]
-    now[_FIRST] = 1.0
+    both[1, :] = 0.0
+    now[_COMMAND], now[_GOAL], now[_FIRST] = samples[place, 1], samples[place, 1], 1.0
     if row < len(samples) and samples[row, 0] < begin + h:
         now[_NEXT] = now[_GOAL] = samples[row, 1]
         now[_FIRST] = (samples[row, 0] - begin) / h
@@ -67,8 +68,7 @@ def _added(p: Array, samples: Array, begin: float, h: float, place: int, now: Ar
     row, moment, rate, fed = place, begin, 0.0, 0.0
     while row + 1 < len(samples) and samples[row + 1, 0] < begin + h:
         span, moment = samples[row + 1, 0] - moment, samples[row + 1, 0]
-        rate, fed = rate + samples[row, 2] * span, fed + samples[row, 3] * span
-        row += 1
+        rate, fed, row = rate + samples[row, 2] * span, fed + samples[row, 3] * span, row + 1
     left = begin + h - moment
     now[_RATE], now[_FED] = (rate + samples[row, 2] * left) / h, (fed + samples[row, 3] * left) / h
     change = p[_KD] * (samples[place, 2] - samples[row, 2]) + samples[place, 3] - samples[row, 3]
@@ -88,13 +88,11 @@ def _follow(p: Array, samples: Array, begin: float, h: float, place: int, both: 
     if slew == math.inf and _jump(samples, begin, h, place, both, now):
         return place
     row, total, moment, after_cut, goal, now[_FIRST] = place, 0.0, begin, 0.0, now[_GOAL], 1.0
-    for k in range(both.shape[1]):
-        both[1, k] = 0.0
+    both[1, :] = 0.0
     while True:
         is_cut = row + 1 < len(samples) and samples[row + 1, 0] < begin + h
         span = (samples[row + 1, 0] if is_cut else begin + h) - moment
-        by_delay = (1.0 if is_cut else 0.0) - after_cut  # what the piece grows by with the delay
-        gap = samples[row, 1] - goal
+        by_delay, gap = (1.0 if is_cut else 0.0) - after_cut, samples[row, 1] - goal  # by_delay: growth with the delay
         if abs(gap) <= slew * span:
             late = abs(gap) / slew
             total += samples[row, 1] * span - 0.5 * gap * late
@@ -116,8 +114,7 @@ def _follow(p: Array, samples: Array, begin: float, h: float, place: int, both: 
             both[0, at[_DELAY]] += side * slew * by_delay
         if not is_cut:
             break
-        moment, after_cut = samples[row + 1, 0], 1.0
-        row += 1
+        row, moment, after_cut = row + 1, samples[row + 1, 0], 1.0
     for k in range(both.shape[1]):
         both[1, k] /= h
     now[_COMMAND], now[_GOAL] = total / h, goal
@@ -125,26 +122,35 @@ def _follow(p: Array, samples: Array, begin: float, h: float, place: int, both: 
 
 
 @inlined
+def _pieces(samples: Array, end: float, place: int, wide: float) -> int:
+    """Return into how many a step is divided: a joint at rest or reversing then has another friction than the mean."""
+    row = place + 1
+    while row < len(samples) and samples[row, 0] < end:
+        if abs(samples[row, 1] - samples[row - 1, 1]) > wide:
+            return _PIECES
+        row += 1
+    return 1
+
+
+@inlined
 def _budget(p: Array, v: float, motor: float, external: float, now: Array) -> None:
     """Write the friction budget and what its derivatives need: see the entries of ``now`` below."""
+    one = p[_LE] * external - p[_LM] * motor
+    toward = math.copysign(1.0, external - motor)  # the side on which a coefficient that is 0 can grow
+    now[_SIGN_1] = math.copysign(1.0, one) if one != 0.0 else toward
     if now[_HAS_FADE] < 0.5:
-        one = p[_LE] * external - p[_LM] * motor
-        now[_SIGN_1] = math.copysign(1.0, one if one != 0.0 else external - motor)
         now[_BUDGET] = p[_COULOMB] + abs(one)
         return
     speed = abs(v)
     now[_LOG] = math.log(speed / p[_VS]) if speed > 0.0 else -math.inf
     ratio = math.exp(p[_ALPHA] * now[_LOG])
     fade = math.exp(-ratio)
-    one = p[_LE] * external - p[_LM] * motor
     two = p[_LES] * external - p[_LMS] * motor
     square = now[_SQUARE_M] = now[_SQUARE_E] = 0.0
     if external * motor < 0.0 and abs(external) < abs(motor):
         square, now[_SQUARE_E] = p[_LEQ] * external * external, 2.0 * p[_LEQ] * external
     elif external * motor < 0.0 and abs(external) > abs(motor):
         square, now[_SQUARE_M] = p[_LMQ] * motor * motor, 2.0 * p[_LMQ] * motor
-    toward = math.copysign(1.0, external - motor)  # the side on which a coefficient that is 0 can grow
-    now[_SIGN_1] = math.copysign(1.0, one) if one != 0.0 else toward
     now[_SIGN_2] = math.copysign(1.0, two) if two != 0.0 else toward
     now[_RATIO], now[_FADE] = ratio, fade
     now[_REST] = p[_COULOMB_S] + abs(two) + square
@@ -209,8 +215,7 @@ def _carry(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Carry the derivatives of the velocity over one step."""
     sv, de, df, force, before = slopes[1], slopes[3], slopes[4], slopes[5], slopes[8]
     if now[_STUCK] > 0.5:
-        for k in range(len(sv)):
-            sv[k] = 0.0
+        sv[:] = 0.0
         return
     h, sign, inertia, unturned = now[_SPAN], now[_SIGN], now[_INERTIA], now[_UNTURNED]
     share, pushed = h / inertia * now[_SHARE], now[_FORCE] - sign * now[_BUDGET]
@@ -267,12 +272,10 @@ def _drive(p: Array, h: float, q: float, v: float, middle: float, external: floa
     Such a joint has the rest of the step alone to move: the span of its forces is shorter than the step.
     """
     now[_DUTY] = now[_LIMITED] = now[_ERROR] = now[_JUMP] = 0.0
-    now[_PER_ERROR], now[_SPAN] = law[0], h
-    share, sign, rests = now[_FIRST], 1.0, False
+    now[_PER_ERROR], now[_SPAN], share, sign, rests = law[0], h, now[_FIRST], 1.0, False
     for goal in (now[_COMMAND], now[_NEXT]):
         if share > 0.0:
-            error = goal - q
-            error = 0.0 if abs(error) <= law[2] else error
+            error = 0.0 if abs(goal - q) <= law[2] else goal - q
             duty = p[_GAIN] * law[0] * error + p[_KD] * now[_RATE] + now[_FED]
             if error != 0.0:
                 duty += math.copysign(law[3], error)
@@ -282,16 +285,14 @@ def _drive(p: Array, h: float, q: float, v: float, middle: float, external: floa
                 now[_LIMITED] += share
             else:
                 now[_ERROR] += share * error
-            now[_DUTY] += share * duty
-            now[_JUMP] += sign * whole
+            now[_DUTY], now[_JUMP] = now[_DUTY] + share * duty, now[_JUMP] + sign * whole
         if sign > 0.0 and share < 1.0 and v == 0.0:
             force = now[_ACTIVE] * p[_TORQUE] * now[_JUMP]
             _budget(p, 0.0, force, external, now)
             rests = abs(force + external) <= now[_BUDGET]
         share, sign = 1.0 - share, -1.0
         if rests and now[_SPAN] == h:
-            now[_DUTY] = now[_LIMITED] = now[_ERROR] = 0.0
-            sign = now[_JUMP] = 0.0
+            sign = now[_JUMP] = now[_DUTY] = now[_LIMITED] = now[_ERROR] = 0.0
             now[_SPAN], share = share * h, 1.0
     return rests
 
@@ -320,8 +321,7 @@ def _push(
         now[_DECAY] = math.exp(-x)
         now[_SHARE] = (1.0 - now[_DECAY]) / x
         now[_SHARE_X] = (now[_DECAY] - now[_SHARE]) / x
-    share = h / inertia * now[_SHARE]
-    total, budget = now[_FORCE], now[_BUDGET]
+    share, total, budget = h / inertia * now[_SHARE], now[_FORCE], now[_BUDGET]
     sign = math.copysign(1.0, v if v != 0.0 else total)
     unturned = now[_DECAY] * v + share * (total - sign * budget)
     now[_SIGN], now[_UNTURNED] = sign, unturned
@@ -338,21 +338,14 @@ def _push(
 
 @compiled
 def roll_out(
-    p: Array,
-    samples: Array,
-    loads: Array,
-    law: Array,
-    start: Array,
-    longest: float,
-    at: IntArray,
-    out: Array,
+    p: Array, samples: Array, loads: Array, law: Array, start: Array, longest: float, at: IntArray, out: Array
 ) -> None:
     """Integrate one joint from the first sample; the commands and the load are all that it is given.
 
-    J v' = K u + tau_e - (d + Fv) v - f with |f| <= F, of second order in the step h: a drift of h / 2 at the velocity
-    (Strang 1968), the velocity under the forces there, its damping by the exponential, and another drift. A joint that
-    comes to rest within the step is held where F can; else friction turns its sign at that moment. A goal that jumps
-    within the step counts before and after it by their shares, a ramp by its mean. F is that in the step's middle.
+    J v' = K u + tau_e - (d + Fv) v - f with |f| <= F, of second order in the step h (Strang 1968): a drift of h / 2,
+    the velocity under the forces there, its damping by the exponential, another drift. A joint that comes to rest
+    within the step is held where F can, else friction turns its sign at that moment. A goal that jumps within the step
+    counts before and after it by their shares (steps are short there), a ramp by its mean. F is that in its middle.
 
     Args:
         p: Parameters in the order of PARAMETERS, shape (COUNT,).
@@ -366,7 +359,7 @@ def roll_out(
         out: Positions and velocities at the samples, 1 where the duty was at its limit in the interval after a
             sample, and the derivatives of the positions, shape (N, 3 + f); written.
     """
-    (q, v), place, count = start, 0, out.shape[1] - 3
+    (q, v), place, count, wide = start, 0, out.shape[1] - 3, _WIDE * float(np.ptp(samples[:, 1]))
     now, parts = np.zeros(_ENTRIES), len(loads) // max(len(samples) - 1, 1)
     now[_GOAL], now[_LAST_V], now[_LAST_H] = samples[0, 1], v, math.inf
     slopes = np.zeros((_ROWS, count + 1))
@@ -379,6 +372,7 @@ def roll_out(
         if i + 1 == len(samples):
             break
         steps = parts * max(1, math.ceil((samples[i + 1, 0] - samples[i, 0]) / (parts * longest) - 1e-9))
+        steps *= _pieces(samples, samples[i + 1, 0] - p[_DELAY], place, wide)
         h = (samples[i + 1, 0] - samples[i, 0]) / steps
         now[_ON], now[_ACTIVE] = samples[i, 4], samples[i, 4] * samples[i, 5]
         for step in range(steps):

@@ -198,7 +198,7 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
         return 0
     if differences is not None:
         console.answer(_proof_line(differences))
-    for text in export_remarks(estimate, options.to):
+    for text in export_remarks(estimate, options.to, stated):
         console.remark(text, options.quiet)
     console.remark(f"{'would write' if options.check else 'wrote'} {options.output}", options.quiet)
     return 0

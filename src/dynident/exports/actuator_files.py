@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -76,6 +77,18 @@ def simulator_joint(joint: JointActuator, kp: float) -> SimulatorJoint:
     )
 
 
+def command_words(joint: JointActuator, kp: float) -> str:
+    """Return how commanded velocity and torque enter the command of a position actuator; empty where it has neither.
+
+    Its force is that of the drive then, its limit too: kp (q_ref - q) + kd (dq_ref - dq) + torque.
+    """
+    one, (angle, torque) = simulator_joint(joint, kp), ("m", "N") if joint.slides else ("rad", "(N m)")
+    found = [f"{one.damping_gain / one.stiffness:.6g} s * velocity"] if one.damping_gain else []
+    if joint.law.controls_torque:
+        found.append(f"{joint.simple[PLACE['full_torque']] / one.stiffness:.6g} {angle}/{torque} * torque")
+    return " + ".join(["ctrl = position", *found]) if found else ""
+
+
 def gain_for(estimate: ActuatorEstimate, kp: float | None) -> float:
     """Return the position gain of an export: the given one, or that of the training logs where there is one.
 
@@ -144,6 +157,8 @@ def mujoco_spec(estimate: ActuatorEstimate, kp: float) -> tuple[Any, Any]:
         joint.solref_friction = [2.0 * TIMESTEP, 1.0]
         actuator = spec.add_actuator(name=one.name, target=one.name, trntype=engine.mjtTrn.mjTRN_JOINT)
         actuator.set_to_position(kp=one.stiffness, kv=one.damping_gain)
+        if words := command_words(own, kp):
+            spec.add_text(name=f"{one.name}_command", data=words)
         most = one.largest_torque if np.isfinite(one.largest_torque) else efforts.get(own.name, np.inf)
         if np.isfinite(most):
             actuator.forcelimited, actuator.forcerange = True, [-most, most]
@@ -228,7 +243,8 @@ def urdf_dynamics(estimate: ActuatorEstimate, kp: float) -> str:
 #: Before the numbers of a C header. Torques are those on the joint; positions those that the encoder reads.
 _C_LAW: Final = """/* Actuators of position servos in SI units; friction is Coulomb and viscous.
    A command acts delay_s after it is given. A position is what the encoder reads: the joint's angle less angle_offset.
-   Inertia of the joint: that of the bodies and armature. */
+   Inertia of the joint: that of the bodies and armature. MIT mode: a feed-forward torque adds torque / kp to the goal,
+   kp that of the export. */
 #pragma once
 #include <math.h>
 
@@ -287,9 +303,21 @@ TARGETS: Final[Mapping[str, Callable[[ActuatorEstimate, float], str]]] = {
 _WITH_BODIES: Final = (mujoco_model, urdf_dynamics)
 
 
-def export_remarks(estimate: ActuatorEstimate, target: str) -> list[str]:
-    """Return what has to be said of an export: torques that are not known, bodies that a target has not."""
+def export_remarks(
+    estimate: ActuatorEstimate, target: str, options: Mapping[str, Any] = MappingProxyType({})
+) -> list[str]:
+    """Return what has to be said of an export: torques that are not known, bodies that a target has not.
+
+    Args:
+        estimate: The actuators.
+        target: Name of the target.
+        options: Those of the target.
+    """
     has_model, found = TARGETS.get(target) in _WITH_BODIES, list[str]()
+    commands: dict[str, list[str]] = {}
+    for joint in estimate.joints if TARGETS.get(target) is mujoco_model else ():
+        commands.setdefault(command_words(joint, stated_gain(estimate, options)), []).append(joint.name)
+    found += [f"commanded velocity and torque of {', '.join(own)}: {words}" for words, own in commands.items() if words]
     unknown = [joint.name for joint in estimate.joints if not np.isfinite(simulator_joint(joint, 1.0).largest_torque)]
     if unknown:
         limit = "the effort limit of the robot model holds" if has_model else "none is written"
@@ -323,9 +351,17 @@ def actuator_file(estimate: ActuatorEstimate, target: str, options: Mapping[str,
     for key, value in options.items():
         if key != "kp":
             raise BadOption(key, value, "actuators take the option kp")
+    return TARGETS[target](estimate, stated_gain(estimate, options))
+
+
+def stated_gain(estimate: ActuatorEstimate, options: Mapping[str, Any]) -> float:
+    """Return the position gain of an export by its options.
+
+    Raises:
+        BadOption: It is no number, or the training logs have several, and none is given.
+    """
     stated = options.get("kp")
     try:
-        kp = gain_for(estimate, None if stated is None else float(stated))
+        return gain_for(estimate, None if stated is None else float(stated))
     except ValueError as error:
         raise BadOption("kp", stated, "give a number") from error
-    return TARGETS[target](estimate, kp)

@@ -16,7 +16,7 @@ from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.servo_motions import MOST_TURN, MotionFrame
 from dynident.arrays import Array
 from dynident.exports.actuator_bodies import robot_of
-from dynident.exports.actuator_files import TARGETS, gain_for, mujoco_model, mujoco_spec, simulator_joint
+from dynident.exports.actuator_files import TARGETS, mujoco_model, mujoco_spec, simulator_joint, stated_gain
 from dynident.model.robot import Robot
 
 #: Largest mean absolute difference in rad that counts as the same motion.
@@ -47,7 +47,7 @@ def simulated_differences(
     """
     if TARGETS.get(target) is not mujoco_model:
         return None
-    return mujoco_differences(estimate, gain_for(estimate, float(stated["kp"]) if "kp" in stated else None))
+    return mujoco_differences(estimate, stated_gain(estimate, stated))
 
 
 def mujoco_differences(estimate: ActuatorEstimate, kp: float) -> Mapping[str, float]:
