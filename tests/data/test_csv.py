@@ -567,8 +567,8 @@ def test_time_stamps_that_read_one_way_are_seconds(tmp_path, pattern, start):
     [
         (
             5,
-            "01.03.2024 10:00:00",
-            "'01.03.2024 10:00:00', which is not a time stamp as in the first row; write the time in seconds, or as in",
+            "01/03/2024 10:00:00",
+            "'01/03/2024 10:00:00', which is not a time stamp as in the first row; write the time in seconds, or as in",
         ),
         (5, "10:61:00", "'10:61:00', which is not a time stamp as in the first row; write the time in seconds"),
         (5, "10:00:00.125 AM", "which is not a time stamp as in the first row; write the time in seconds"),

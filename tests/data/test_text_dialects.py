@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dynident.data.formats import ColumnMap, read_header, read_log
+from dynident.data.formats._text_table import open_table
 from dynident.data.formats.csv import Csv
 from dynident.errors import LogFormatError
 
@@ -88,3 +89,21 @@ def test_a_file_without_a_header_is_refused_and_a_preamble_is_no_header(tmp_path
     path.write_text("\n".join(["a run", *rows()]))
     with pytest.raises(LogFormatError, match="no column 'q1'; the header has a, run"):
         read_log(path)
+
+
+def test_a_column_of_dates_and_a_preamble_of_as_many_words_as_cells_are_passed_over(tmp_path: Path) -> None:
+    """German drives: date and time of day in two columns, or in one; the preamble has blanks as the rows do."""
+    before = ["Messprotokoll Antriebe", "Anlage;Stand 3", "Abtastzeit [ms];10"]
+    times = [f"14:03:21,{10 * k:03d}" for k in range(len(VALUES))]
+    cells = [";".join(f"{value:.6f}".replace(".", ",") for value in row[1:]) for row in VALUES]
+    two = [*before, "Datum;Uhrzeit;q1;tau1", *(f"12.11.2026;{t};{own}" for t, own in zip(times, cells, strict=True))]
+    one = [*before, "Zeit;q1;tau1", *(f"12.11.2026 {t};{own}" for t, own in zip(times, cells, strict=True))]
+    for name, lines, clock in (("two", two, "Uhrzeit"), ("one", one, "Zeit")):
+        path = tmp_path / f"{name}.csv"
+        path.write_text("\n".join(lines))
+        table = open_table(path, ",")
+        assert table.header[-3:] == (clock, "q1", "tau1") and table.time_stamps == (clock,)
+        values = table.columns(table.header[-3:])
+        np.testing.assert_allclose(np.diff(values[:, 0]), 0.01, atol=1e-6)
+        np.testing.assert_allclose(values[:, 1:], VALUES[:, 1:], atol=1e-6)
+    assert open_table(tmp_path / "one.csv", ",").columns(["Zeit"])[0, 0] == 1794492201.0  # 12 November 2026, 14:03:21

@@ -30,6 +30,8 @@ from dynident.case.draft.yaml_words import few
 from dynident.case.questions import Question, questions_in
 from dynident.data.formats import FORMATS, LARGE, LogFormat, LogTable, bytes_of
 from dynident.data.formats._clocked_table import with_clock, with_sum
+from dynident.data.formats._text_header import DATE, cells_of
+from dynident.data.formats._text_table import TextTable
 from dynident.data.preprocessing import BRIDGED, SPLIT
 from dynident.data.profiles import PROFILES
 from dynident.errors import BadOption, DynidentError, LogFormatError
@@ -257,10 +259,16 @@ def _numbers(table: LogTable) -> int:
 
 
 def _is_table(table: LogTable) -> bool:
-    """Return whether the first column holds numbers; a header alone is no proof that a text was read rightly."""
+    """Return whether the first column without dates holds numbers; a header alone proves no text to be read rightly."""
     if table.line is None:
         return True
-    table.columns(table.header[:1])
+    names = table.header
+    if isinstance(table, TextTable):
+        cells = cells_of(next(table.rows(), (0, ""))[1], table.delimiter)
+        names = (
+            tuple(name for name, cell in zip(names, cells, strict=False) if not DATE.fullmatch(cell.strip())) or names
+        )
+    table.columns(names[:1])
     return True
 
 

@@ -22,8 +22,9 @@ DELIMITERS: dict[str | None, str] = {"\t": "tab", ";": "semicolon", ",": "comma"
 #: A cell that is a number, with a decimal point.
 NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 
-#: A time that reads one way only: date and time by ISO 8601, or a time of day.
-_STAMP = re.compile(r"(?:\d{4}-\d\d-\d\d[T ])?\d?\d:\d\d:\d\d(?!\d|:)", re.ASCII)
+#: A time that reads one way only: date and time by ISO 8601 or with the day before points, or a time of day.
+_STAMP = re.compile(r"(?:\d{4}-\d\d-\d\d[T ]|\d\d\.\d\d\.\d{4} )?\d?\d:\d\d:\d\d(?!\d|:)", re.ASCII)
+DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.]\d{4}", re.ASCII)
 
 #: Units; a cell of a row of units, blanks and points taken out; a name that ends in one.
 _WORDS = r"(?:s|sec|[mµu]s|ns|(?:rad|deg|grad|°|m?m)(?:/s(?:\^?2|²|/s)?|s(?:\^?-[12]))?|m?n ?m|n|m?[av]|%|‰|°?c)"
@@ -116,7 +117,8 @@ def _layout(lines: Sequence[_Line], comment: _Line | None, decimal: str, stated:
             return TextLayout(comment.number, inside, delimiter, first.number - 1, comment.text, note)
     shown = comment.text if comment is not None else ""
     alike = sum(len(cells_of(line.text, delimiter)) == len(names) for line in lines)
-    if len(names) == 1 or 2 * alike < len(lines):
+    words = not any(_is_number(_names(line.text, delimiter)[0], decimal) for line in lines[1:3])
+    if len(names) == 1 or 2 * alike < len(lines) or words:
         for k in range(1, len(lines) - 2):
             found = _header_at(lines[k : k + 3], decimal, stated)
             if found is not None:
@@ -191,11 +193,11 @@ def _names(text: str, delimiter: str | None) -> tuple[str, ...]:
 
 
 def _is_number(cell: str, decimal: str) -> bool:
-    return is_stamp(cell) or NUMBER.fullmatch(cell if decimal == "." else cell.replace(",", ".")) is not None
+    return bool(is_stamp(cell) or DATE.fullmatch(cell) or NUMBER.fullmatch(cell.replace(decimal, ".")))
 
 
 def is_stamp(cell: str) -> bool:
-    """Return whether a cell holds a time that reads one way only: that of ISO 8601, or a time of day."""
+    """Return whether a cell holds a time that reads one way only: with a date, or a time of day."""
     return _STAMP.match(cell.strip()) is not None
 
 
@@ -207,7 +209,7 @@ def seconds_of(cell: str) -> float:
     """
     if not is_stamp(cell):
         raise ValueError(cell)
-    text = cell.strip().replace(",", ".")
+    text = re.sub(r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1", cell.strip()).replace(",", ".")
     found = datetime.fromisoformat(text if text[4] == "-" else "1970-01-01T" + "0" * (text[1] == ":") + text)
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
