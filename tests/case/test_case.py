@@ -479,3 +479,25 @@ def test_limits_that_fit_neither_all_joints_nor_the_others(tmp_path: Path) -> No
         path.write_text(f"case: 2\nrobot: er16\nlocked: {{{names[2]}: 0.3}}\nlimits: {{velocity: {value}}}\n")
         with pytest.raises(DescriptionError, match=words):
             read_case(path)
+
+
+def test_options_of_parts_may_be_products_with_pi(write: Write) -> None:
+    lines = "friction: [coulomb, {balancer: {joints: [joint1], ratio: 2, dead_center: -pi/2}}]"
+    part = read_case(write(lines)).friction[1]
+    assert part.options["dead_center"] == pytest.approx(-np.pi / 2)
+    with pytest.raises(DescriptionError, match="divides by zero"):
+        read_case(write(lines.replace("pi/2", "pi/0")))
+
+
+def test_motors_of_slides_turn(tmp_path: Path) -> None:
+    """Units of turns fit the slide of a SCARA where the signal is the motor's, and are refused where it is not."""
+    head = ["case: 2", "robot: generic-scara", "log:", "  units: {position: rad, torque: N m}"]
+    path = tmp_path / "case.yaml"
+    path.write_text("\n".join([*head, "  side: motor"]))
+    assert set(read_case(path).columns.motor) >= {"q", "torque"}
+    path.write_text("\n".join([*head, "  side: {q: motor}"]))
+    with pytest.raises(DescriptionError, match="torque"):
+        read_case(path)
+    path.write_text("\n".join(head))
+    with pytest.raises(DescriptionError, match="prismatic"):
+        read_case(path)

@@ -287,7 +287,7 @@ def _remarks(found: Recognised) -> list[str]:
         remarks.append(f"the columns of the {what} are not recognised: {step}{_ELSEWHERE if found.time else ''}")
         return remarks
     moving, told = found.moving, found.units["position"]
-    if moving is not None and told.certain:
+    if moving is not None and told.certain and "q" not in found.on_motors:
         order = [found.joints.names.index(joint.name) for joint in moving.active]
         q = np.concatenate([reading.signals["q"] for reading in found.readings])
         q = (q * position_factors(told, q.shape[1]))[:, order]

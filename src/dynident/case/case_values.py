@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -10,9 +11,12 @@ from typing import TypeVar
 from dynident.data.formats import FORMATS
 from dynident.errors import DescriptionError, DynidentError, FileError
 from dynident.files import expanded
-from dynident.model.documents.numbers import Place
+from dynident.model.documents.numbers import Place, expression
 from dynident.model.documents.sections import Section
 from dynident.robot_files.xacro import split_arguments, with_arguments
+
+#: A product with pi.
+_PRODUCT = re.compile(r"[\d\s.*/+-]*\bpi\b[\d\s.*/+-]*")
 
 Made = TypeVar("Made")
 
@@ -71,7 +75,7 @@ def part_of(place: Place, value: object) -> tuple[str, dict[str, str | None]]:
     if isinstance(value, dict) and len(value) == 1:
         ((name, options),) = value.items()
         if options is None or (isinstance(options, dict) and all(_is_plain(v) for v in options.values())):
-            return str(name), {k: _text_of(v) for k, v in (options or {}).items()}
+            return str(name), {k: _text_of(place, v) for k, v in (options or {}).items()}
     raise place.error("neither a name nor one name with its options", "write name, or name: {option: value}")
 
 
@@ -79,8 +83,12 @@ def _is_plain(value: object) -> bool:
     return value is None or isinstance(value, str) or (isinstance(value, list) and all(map(_is_plain, value)))
 
 
-def _text_of(value: object) -> str | None:
-    return ",".join(str(item) for item in value) if isinstance(value, list) else None if value is None else str(value)
+def _text_of(place: Place, value: object) -> str | None:
+    """Return an option as text, a product with ``pi`` as its number."""
+    if isinstance(value, list):
+        return ",".join(str(_text_of(place, item)) for item in value)
+    product = isinstance(value, str) and _PRODUCT.fullmatch(value)
+    return None if value is None else repr(expression(place, str(value))) if product else str(value)
 
 
 def find_file(name: str, case: str) -> Path:

@@ -9,7 +9,7 @@ from typing import Any
 from dynident.case.case_values import guarded, one_or_many, part_of, texts
 from dynident.case.profile_columns import SIDED, profile_columns
 from dynident.data.formats import FORMATS, ColumnMap, Units
-from dynident.data.formats._units import unit_of
+from dynident.data.formats._units import QUANTITY, unit_of
 from dynident.data.profiles import pattern_names
 from dynident.data.profiles.base import MARKS, SIDES
 from dynident.errors import BadOption
@@ -84,7 +84,7 @@ def read_columns(top: Section, robot: Robot) -> ColumnMap:
         guarded(log.place("format"), lambda: FORMATS.make_from_text(found["form"], options))
     if log.has("side"):
         found["motor"] = _motor(log)
-    guarded(log.place("units"), lambda: _check_units(Units(**words), joints, robot))
+    guarded(log.place("units"), lambda: _check_units(Units(**words), joints, robot, found.get("motor", ())))
     return guarded(log.place(), lambda: _map(log, words, found))
 
 
@@ -127,13 +127,17 @@ def _wrapped(log: Section, joints: Sequence[str], robot: Robot) -> tuple[str, ..
     return wrapped
 
 
-def _check_units(units: Units, joints: Sequence[str], robot: Robot) -> None:
-    """Refuse a unit that does not fit the kind of its joint, and lists of another length than the joints."""
+def _check_units(units: Units, joints: Sequence[str], robot: Robot, motor: Sequence[str]) -> None:
+    """Refuse a unit that does not fit the kind of its joint, and lists of another length than the joints.
+
+    Motors turn, those of slides as well: of signals at the ``motor`` side units of turns fit all.
+    """
+    turning = {QUANTITY[signal] for signal in motor}
     kinds = {joint.name: joint.kind for joint in robot.active}
     for quantity in ("position", "velocity", "acceleration", "torque"):
         for name, word in zip(joints, units.of(quantity, len(joints)), strict=True):
             kind = unit_of(quantity, word)[1]
-            if kind not in ("", kinds[name]):
+            if kind not in ("", kinds[name], "revolute" if quantity in turning else ""):
                 step = f"{name} is {kinds[name]}; give a unit that fits, one per joint where they differ"
                 raise BadOption(f"units.{quantity}", word, step)
 

@@ -72,7 +72,12 @@ def _drives(found: Recognised) -> list[str]:
 def _gear(found: Recognised, joint: Joint) -> list[str]:
     if not found.on_motors or joint.drive.gear_ratio != 1.0:
         return []
-    text = f"the gear ratio of {joint.name}, turns of the motor per turn of the joint, negative for a reversing gear"
+    per = (
+        "turns of the motor per turn of the joint"
+        if joint.kind == "revolute"
+        else "rad of the motor per m of the slide"
+    )
+    text = f"the gear ratio of {joint.name}, {per}, negative for a reversing gear"
     return [asked("gear_ratio", text)]
 
 

@@ -241,7 +241,7 @@ class ColumnMap:
         """Refuse units that make one joint both turn and slide."""
         for joint, name in enumerate(self.joints):
             kinds: dict[str, str] = {}
-            for quantity in dict.fromkeys(QUANTITY[signal] for signal in self.stated()):
+            for quantity in dict.fromkeys(QUANTITY[signal] for signal in self.stated() if signal not in self.motor):
                 word = self.units.of(quantity, len(self.joints))[joint]
                 kinds.setdefault(unit_of(quantity, word)[1] or "any", f"{quantity} in {word}")
             if "revolute" in kinds and "prismatic" in kinds:

@@ -116,15 +116,13 @@ def _layout(lines: Sequence[_Line], comment: _Line | None, decimal: str, stated:
             note = ", its header in a comment"
             return TextLayout(comment.number, inside, delimiter, first.number - 1, comment.text, note)
     shown = comment.text if comment is not None else ""
-    alike = sum(len(cells_of(line.text, delimiter)) == len(names) for line in lines)
+    others = sum(len(cells_of(line.text, delimiter)) != len(names) for line in lines)
     words = not any(_is_number(_names(line.text, delimiter)[0], decimal) for line in lines[1:3])
-    if len(names) == 1 or 2 * alike < len(lines) or words:
+    if len(names) == 1 or 2 * others > len(lines) or words:
         for k in range(1, len(lines) - 2):
-            found = _header_at(lines[k : k + 3], decimal, stated)
-            if found is not None:
-                number = lines[k].number
+            if found := _header_at(lines[k : k + 3], decimal, stated):
                 note = f", {k} lines before the header passed over"
-                return TextLayout(number, *found, number, shown, note)
+                return TextLayout(lines[k].number, *found, lines[k].number, shown, note)
     return TextLayout(first.number, names, delimiter, first.number, shown)
 
 
