@@ -22,7 +22,7 @@ from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.matrix import joint_of, naming
 from benchmarks.faults.trials import Trial, subject_of, virtual
 
-from dynident.case.case import Case, read_case
+from dynident.case.case import Case, PartChoice, read_case
 from dynident.case.evidence.rows import out_of_order, sortable
 from dynident.data.formats import ColumnMap, read_log
 from dynident.data.log import smallest_step
@@ -795,3 +795,19 @@ def test_a_torque_that_is_right_on_one_side_alone_has_its_sign(sign: float, tria
     found = trial.with_columns(tau=tau).examined(tmp_path).findings
     assert "torque without sign" not in [one.name for one in found]
     assert ("torque sign" in [one.name for one in found]) == (sign < 0.0)
+
+
+@pytest.mark.parametrize("size", [3.0, 0.0])
+def test_a_contact_is_named_with_its_time_and_huber_goes_without_it(size: float, trial: Trial, tmp_path: Path) -> None:
+    tau, time = trial.columns["tau"].copy(), trial.columns["t"] - trial.columns["t"][0]
+    pulse = np.where((time > 4.0) & (time < 4.4), np.sin(np.pi * (time - 4.0) / 0.4), 0.0)
+    struck = trial.with_columns(tau=tau + size * np.abs(tau).max(axis=0) * pulse[:, None])
+    found = struck.examined(tmp_path).findings
+    contacts = [one for one in found if one.name == "contact"]
+    assert len(contacts) == bool(size)
+    for one in contacts:
+        assert one.severity == "error" and one.joint == ", ".join(trial.case.robot.joint_names)
+        assert 3.5 < one.numbers["first"] < 4.1 and 4.2 < one.numbers["last"] < 4.9
+        assert [each.name for each in found if each.severity != "note"] == ["contact"]
+        robust = replace(struck, case=replace(struck.case, estimator=PartChoice("huber")))
+        assert [one.severity for one in robust.examined(tmp_path).findings if one.name == "contact"] == ["note"]

@@ -1,0 +1,102 @@
+"""A short part of a log that torques from outside have spoiled: a contact, a crash, a hand on the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray, IntArray
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity, listed
+from dynident.errors import DynidentError
+
+#: Length of a window in s, share of all windows that may be left out, and fits by which they are found.
+WINDOW_S, MOST, FITS = 0.25, 0.05, 6
+
+#: Root mean square residual of a window over that of the rest from which it is apart; the median's for a first look.
+APART, LOOK = 6.0, 3.0
+
+#: Times by which the residual variance of all other rows is smaller, over the joints, once the windows are left out.
+SPOILED = 2.0
+
+#: Estimators for which such a part is no reason to doubt the others.
+ROBUST = ("huber", "tukey", "irls", "l1")
+
+#: What such a part looks like besides.
+EXPLAINS = (*CONSEQUENCES, UNLIKE_OTHERS, "another robot", "torque scale of all", "coupling", "robot model differs")
+
+
+@dataclass(frozen=True)
+class Contact(Check):
+    """Windows whose residual is far above the rest, and without which a fit explains all other rows far better."""
+
+    stage: ClassVar[int] = 2
+
+    def findings(self, subject: CheckedLog) -> Sequence[Finding]:
+        fit = subject.fit
+        found = None if fit is None else _spoiled(fit)
+        if fit is None or found is None:
+            return []
+        left_out, ratios, fall = found
+        own = fit.clock(fit.rows.prepared.kept.time[left_out])
+        spans = [(part[0], part[-1]) for part in np.split(own, np.flatnonzero(np.abs(np.diff(own)) > WINDOW_S) + 1)]
+        start = subject.sound.log.time[0] if len(fit.starts) == 1 else 0.0
+        spans = [(float(first - start), float(last - start)) for first, last in spans]
+        told = ", ".join(f"{first:.4g} to {last:.4g} s" for first, last in spans[:3]) + ", ..." * (len(spans) > 3)
+        names = [fit.model.robot.joint_names[k] for k in np.flatnonzero(ratios >= APART)]
+        evidence = (
+            f"{told} after the start the residual is up to {ratios.max():.0f} times that of all other samples; "
+            f"fitted without that part, theirs is {np.sqrt(fall):.2g} times smaller"
+        )
+        remedy = (
+            "look at that part (a contact, a crash, a hand on the arm, a fault of the recording): cut its rows out of "
+            "the log, or state estimator: huber"
+        )
+        numbers = {"first": spans[0][0], "last": spans[-1][1], "ratio": float(ratios.max()), "fall": fall}
+        severity: Severity = "note" if subject.case.estimator.name in ROBUST else "error"
+        return [Finding(severity, "contact", listed(names), evidence, remedy, numbers, EXPLAINS)]
+
+
+def _spoiled(fit: QuickFit) -> tuple[BoolArray, Array, float] | None:
+    """Return rows (N,), each joint's residual there over that of the rest (n,), and the fall of the rest's variance."""
+    rows, some = fit.rows, fit.moves
+    windows: IntArray = np.unique(np.floor(rows.prepared.kept.time / WINDOW_S), return_inverse=True)[1]
+    whole = np.where(rows.masks, fit.residual, np.nan)[:, some]
+    residual, left_out = whole, np.zeros(len(windows), bool)
+    for _ in range(FITS):
+        before, left_out = left_out, _outliers(residual, windows)
+        if not left_out.any() or np.array_equal(before, left_out):
+            break
+        try:
+            rest = fit.part(~left_out if fit.counting is None else fit.counting & ~left_out)
+            residual = np.where(rows.masks, fit.residual_of(rows, rest.plain.beta), np.nan)[:, some]
+        except DynidentError:
+            return None
+    if not left_out.any():
+        return None
+    with np.errstate(invalid="ignore"):
+        inside, outside, was = (_squares(each) for each in (residual[left_out], residual[~left_out], whole[~left_out]))
+    ratios = np.zeros(len(some))
+    ratios[some] = np.sqrt(inside / outside)
+    fall = float(np.exp(np.mean(np.log(was / outside))))
+    return (left_out, ratios, fall) if ratios.max() >= APART and fall >= SPOILED else None
+
+
+def _squares(residual: Array) -> Array:
+    """Return the mean squares of the rows that count, shape (k,), of no rows next to nothing."""
+    count = np.maximum(np.isfinite(residual).sum(axis=0), 1)
+    return np.maximum(np.nansum(residual**2, axis=0) / count, 1e-300)
+
+
+def _outliers(residual: Array, windows: IntArray) -> BoolArray:
+    """Return the rows of windows, no more than may be left out, whose residual is far above that of the others (N,)."""
+    scaled = residual**2 / np.maximum(np.nanmedian(residual**2, axis=0), 1e-300)
+    count = np.bincount(windows)
+    size = np.sqrt(np.bincount(windows, np.nanmax(np.nan_to_num(scaled), axis=1)) / count)
+    order = np.argsort(size)[::-1][: int(MOST * len(size))]
+    far = order[size[order] > LOOK * np.median(size)]
+    return np.isin(windows, far)
