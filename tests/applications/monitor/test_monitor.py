@@ -266,12 +266,43 @@ def test_the_tail_of_a_known_process() -> None:
 
 def test_a_few_peaks_do_not_make_a_tail_heavy_and_many_do() -> None:
     few = [Tail(2.0, 1.0, 1.0, shape, 100.0) for shape in (-0.1, 0.1, 0.05, -0.05)]
-    assert [tail.shape for tail in shrunk(few)] == [0.0] * 4
+    assert all(abs(tail.shape) < 0.05 and 0.02 < tail.shape_std < 0.12 for tail in shrunk(few))
     many = [Tail(2.0, 1.0, 1.0, shape, 1e5) for shape in (0.3, 0.25, 0.2, 0.35)]
     found = shrunk(many)
     np.testing.assert_allclose([tail.shape for tail in found], [0.3, 0.25, 0.2, 0.35], rtol=1e-3)
     before, after = ([tail.scale / (1 - tail.shape) for tail in tails] for tails in (many, found))
     np.testing.assert_allclose(after, before)
+
+
+@pytest.mark.parametrize("rate", [100.0, 500.0])
+def test_rare_alarms_of_short_clean_runs_come_at_the_chosen_rate(rate: float) -> None:
+    """Normal noise as the observer leaves it, clean for 80 s, watched for 4 h: one alarm an hour and joint.
+
+    Peaks taken for one within five time constants had given 15 in 4 h at 100 Hz, and 58 at 500 Hz.
+    """
+    keep, joints, counts, ranges = np.exp(-50.0 / rate), 6, [], []
+    noise = np.random.default_rng(3)
+
+    def signal(seconds: float) -> np.ndarray:
+        white = np.sqrt(1.0 - keep**2) * noise.normal(size=(int(seconds * rate), joints))
+        return np.abs(scipy.signal.lfilter([1.0], [1.0, -keep], white, axis=0))
+
+    watched = signal(4 * 3600.0)
+    for _ in range(5):
+        clean = signal(80.0)
+        tails = shrunk([tail_of([one], [1.0 / rate], 1.0 / 50.0, "joint") for one in clean.T])
+        for tail, one in zip(tails, watched.T, strict=True):
+            size = tail.threshold(1.0 / 3600.0)
+            assert tail.rates(size).mean() == pytest.approx(1.0 / 3600.0, rel=1e-3)
+            times = np.flatnonzero(one > size)
+            counts.append(np.sum(np.diff(times, prepend=-np.inf) > 0.1 * rate))
+            ranges.append(4 * 3600.0 * np.quantile(tail.rates(size), [0.05, 0.95]))
+    assert 0.1 * 4.0 < np.mean(counts) < 1.5 * 4.0, counts
+    held = [
+        low - 2.0 * np.sqrt(low) <= k <= high + 2.0 * np.sqrt(high)
+        for k, (low, high) in zip(counts, ranges, strict=True)
+    ]
+    assert np.mean(held) >= 0.9
 
 
 def test_the_generated_equations_are_the_generic_ones(estimate: Estimate, monkeypatch: pytest.MonkeyPatch) -> None:

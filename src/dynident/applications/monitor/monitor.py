@@ -70,6 +70,11 @@ class Monitor:
             "that false alarms are more or fewer than chosen; name clean runs of this rate (--clean), or send that rate"
         )
 
+    def rate_range(self) -> tuple[float, float]:
+        """Return between which rates a second that of a joint lies with 90 %, the widest of the joints."""
+        ends = [np.quantile(t.rates(size), [0.05, 0.95]) for t, size in zip(self.tails, self.factors, strict=True)]
+        return float(np.min(ends)), float(np.max(ends))
+
     def longest_step(self, usual: float) -> float:
         """Return the longest step of a stream that is no gap, in s, by its ``usual`` one and that of the clean runs."""
         return self.observer.longest_step(max(usual, self.clean_steps[1]))
@@ -191,7 +196,7 @@ def calibrated(observer: MomentumObserver, clean: Sequence[Signals], rates: npt.
     steps = [run.step for run in clean]
     tails = shrunk(
         [
-            tail_of([one[:, j] for one in shares], steps, APART / observer.gain, name)
+            tail_of([one[:, j] for one in shares], steps, 1.0 / observer.gain, name)
             for j, name in enumerate(model.robot.joint_names)
         ]
     )

@@ -3,6 +3,11 @@
 Peaks of |s| over a high level are nearly independent; x = s^2 / 2 of them follows a generalised Pareto distribution
 (Pickands 1975), here by probability-weighted moments (Hosking and Wallis 1987, (14)). Normal noise has shape 0 and
 scale 1 in x (Rice 1945). Rising above u happens rate * (1 + k (u^2 / 2 - level) / scale)^(-1 / k) times a second.
+Rises are one peak where less than the correlation time lies between them: the largest of several independent rises
+grows slower than the tail, so that a longer time feigns one that ends (shape -0.3 for normal noise at five times it).
+
+Shape and scale are known no better than the peaks tell: the rate at a threshold is the mean over what both may be (the
+predictive distribution, Geisser 1993), and a threshold is where that mean is the chosen rate.
 """
 
 from __future__ import annotations
@@ -11,6 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.optimize
+import scipy.special
 
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
@@ -21,15 +28,15 @@ QUANTILE = 0.95
 #: Peaks that a fit needs at least.
 FEWEST = 20
 
-#: Peaks above a level that the log must have seen for its own shape to hold there. Beyond it the shape is at least that
-#: of normal noise and the scale a share of the log's: a few peaks may look as if they ended.
-SEEN, LIGHTEST, LEAST = 3.0, 0.0, 0.25
-
-#: Largest shape of the tail: beyond it levels of rare events mean nothing.
-HEAVIEST = 0.5
+#: Shapes of the tail that are believed. Below 0, that of normal noise, it would end: that peaks of a few motions do is
+#: no evidence of those of others. Above 0.5 levels of rare events mean nothing.
+LIGHTEST, HEAVIEST = 1e-6, 0.5
 
 #: Variance of a shape near 0, times the number of peaks (Hosking and Wallis 1987, table 2).
 SCATTER = 4.0 / 3.0
+
+#: Equally likely values of the shape, and of the scale for each, over which rates are averaged.
+NODES = 40
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,7 @@ class Tail:
         scale: Of the generalised Pareto distribution.
         shape: k; 0 as normal noise has, below 0 one that ends.
         seconds: Length of what they were found in.
+        shape_std: Standard deviation of the shape.
     """
 
     level: float
@@ -49,18 +57,33 @@ class Tail:
     scale: float
     shape: float
     seconds: float
+    shape_std: float = 0.0
 
     def threshold(self, rate: float) -> float:
-        """Return the size of the signal that is risen above ``rate`` times a second.
+        """Return the size of the signal that is risen above ``rate`` times a second, in the mean of what is likely."""
+        high = self.level + self.scale
+        while self.rates(_size(high)).mean() > rate:
+            high += high - self.level
 
-        Beyond what the log has seen a few times the tail goes on like that of normal noise, or heavier.
+        def excess(half_square: float) -> float:
+            return float(np.log(max(self.rates(_size(half_square)).mean(), 1e-300) / rate))
+
+        found = scipy.optimize.root_scalar(excess, bracket=(self.level, high), xtol=1e-9 * high)
+        return _size(float(found.root))
+
+    def rates(self, size: float) -> Array:
+        """Return equally likely values of how often a second the signal rises above a size, shape (NODES^2,).
+
+        The shape is normal; the scale for a shape is known as that of as many exponential peaks, by a gamma
+        distribution, from their mean.
         """
-        seen = SEEN / self.seconds
-        if rate >= seen or self.shape >= LIGHTEST or seen >= self.rate:
-            return _size(self.level + self.scale * _stretched(self.rate / rate, self.shape))
-        reached = self.level + self.scale * _stretched(self.rate / seen, self.shape)
-        scale = max(self.scale + self.shape * (reached - self.level), LEAST * self.scale)
-        return _size(reached + scale * _stretched(seen / rate, LIGHTEST))
+        over = max(0.5 * size**2 - self.level, 0.0)
+        chances = (np.arange(NODES) + 0.5) / NODES
+        shapes = np.clip(self.shape + self.shape_std * scipy.special.ndtri(chances), LIGHTEST, HEAVIEST)
+        scales = self.scale / (1.0 - self.shape) * (1.0 - shapes)
+        exponents = np.log1p(shapes * over / scales) / shapes
+        precision = scipy.special.gammaincinv(self.count, chances) / self.count
+        return np.asarray(self.rate * np.exp(-np.outer(exponents, precision)).ravel())
 
     @property
     def count(self) -> float:
@@ -72,25 +95,21 @@ def shrunk(tails: Sequence[Tail]) -> tuple[Tail, ...]:
     """Return tails whose shapes are drawn to that of normal noise as far as their scatter explains the difference.
 
     The shapes are taken for normal about 0, their variance by the joints together (Efron and Morris 1975): a few peaks
-    do not make a tail heavy or light, and many do.
+    do not make a tail heavy, and many do. What stays open of each is its standard deviation. The variance of the joints
+    is taken for no less than its own standard error: few joints whose shapes agree do not make it none.
     """
     scatter = np.array([SCATTER / tail.count for tail in tails])
     shapes = np.array([tail.shape for tail in tails])
-    spread = max(float(np.mean(shapes**2 - scatter)), 0.0)
-    kept = shapes * spread / (spread + scatter)
+    spread = max(float(np.mean(shapes**2 - scatter)), float(np.mean(scatter)) * np.sqrt(2.0 / len(tails)))
+    share = spread / (spread + scatter)
     return tuple(
-        replace(tail, shape=float(shape), scale=tail.scale * (1.0 - float(shape)) / (1.0 - tail.shape))
-        for tail, shape in zip(tails, kept, strict=True)
+        replace(tail, shape=shape, scale=tail.scale * (1.0 - shape) / (1.0 - tail.shape), shape_std=std)
+        for tail, shape, std in zip(tails, (share * shapes).tolist(), np.sqrt(share * scatter).tolist(), strict=True)
     )
 
 
 def _size(half_square: float) -> float:
     return float(np.sqrt(2.0 * half_square))
-
-
-def _stretched(ratio: float, shape: float) -> float:
-    """Return (ratio^shape - 1) / shape."""
-    return float(np.log(ratio)) if abs(shape) < 1e-6 else (ratio**shape - 1.0) / shape
 
 
 def tail_of(signals: Sequence[Array], steps: Sequence[float], apart: float, name: str) -> Tail:
@@ -99,7 +118,7 @@ def tail_of(signals: Sequence[Array], steps: Sequence[float], apart: float, name
     Args:
         signals: Its size by log, shape (N,) each.
         steps: Seconds a sample of each log.
-        apart: Seconds below the level after which a rise is a new one.
+        apart: Seconds below the level after which a rise is a new one: the correlation time.
         name: Whose signal it is, for messages.
 
     Raises:
