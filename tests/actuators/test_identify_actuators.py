@@ -17,11 +17,11 @@ from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.joint_fit import NO_LIMIT, JointData, JointFit, first_fit, fit_again
 from dynident.actuators.joint_load import measured_loads, measured_motion
-from dynident.actuators.linear_start import start_rows
+from dynident.actuators.linear_start import REST, start_rows
 from dynident.actuators.output_error import ROUGH
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE, neutral
 from dynident.actuators.rollout import record_of
-from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
+from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup, with_slides
 from dynident.actuators.verdict import Known
 from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.errors import EstimateFormatError, LogMismatch, NotConsistent, UnknownChoice
@@ -160,6 +160,33 @@ def test_no_angle_offset_is_sought_where_no_weight_tells_it(robot: Robot) -> Non
             truth = damping if one.name == "viscous" else TRUE[one.name]
             assert abs((truth + body) / scale - body - one.value) < 1.5 * one.ratio < 0.02 * (one.value + body)
     assert not any("offset" in warning for warning in joint_warnings(joint))
+
+
+SLIDE = """<robot name="lift"><link name="base"/><link name="car"><inertial><mass value="2"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<joint name="lift" type="prismatic"><parent link="base"/><child link="car"/><axis xyz="0 0 1"/>
+<limit lower="0" upper="0.3" effort="200" velocity="0.2"/></joint></robot>"""
+
+
+def test_a_slide_that_is_slow_is_not_at_rest(tmp_path: Path) -> None:
+    """Up to 18 mm/s over 60 mm, with an encoder of 5 micrometres: at such a speed a joint that turns rests."""
+    (tmp_path / "lift.urdf").write_text(SLIDE)
+    robot = read_robot(str(tmp_path / "lift.urdf"))
+    true = parameters(full_torque=120.0, back_emf=0.0, viscous=400.0, coulomb=9.0, armature=8.0, angle_offset=0.0)
+    law = preset("position_servo").stated({"error_gain": 60.0, "limit": 1.0, "kp": 1.0})
+    bench, time, logs = ServoBench(robot, law, resolution=5e-6), np.arange(0.0, 8.0, 0.005), []
+    for k, (size, rate) in enumerate(((0.03, 0.09), (0.01, 0.25), (0.003, 0.9))):
+        command = 0.1 + size * np.sin(2.0 * np.pi * rate * time * (0.7 + 0.3 * time / 8.0))
+        logs.append(virtual_log(bench, true, time, command, 1.0, seed=k))
+    setup = ServoSetup((law,), ServoColumns(("lift",)), "m1")
+    with pytest.raises(LogMismatch, match="lift moves in 0 samples only"):
+        identify_actuators(robot, setup, logs)
+    sized = with_slides(logs, [True])
+    assert sized[0].sized(0, REST) < 2e-3
+    joint = identify_actuators(robot, setup, sized).joints[0]
+    assert joint.mean_error(joint.train) < 2e-5
+    for name in ("full_torque", "coulomb", "viscous", "armature"):
+        assert joint.value(name) == pytest.approx(true[PLACE[name]], rel=0.1), name
 
 
 @pytest.mark.parametrize("stated", [(2.5, 0.25), (3.5, 0.2)], ids=["right", "wrong"])

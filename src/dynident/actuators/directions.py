@@ -181,7 +181,7 @@ class LogTorques:
     def of(cls, robot: Robot, log: ServoLog) -> LogTorques:
         """Return what a log says."""
         motion, robot = measured_motion(log), carrying(robot, log)
-        told = np.ptp(log.q_ref, axis=0) > MOVED
+        told = np.ptp(log.q_ref, axis=0) > [log.sized(joint, MOVED) for joint in range(robot.dof)]
         rows = [joint_rows(log, joint, motion) if told[joint] else None for joint in range(robot.dof)]
         on = log.enabled & ~log.failed
         pairs = zip(log.q_ref.T, log.q.T, on.T, strict=True)

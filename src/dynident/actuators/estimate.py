@@ -61,7 +61,8 @@ class JointActuator:
         test: The same of each log that was tested on.
         linear_test: The same of each test log (of each training log where there is none) by the linear start.
         folds: Cross-validation error of each friction model, in rad (geometric mean over logs).
-        saturated: Share of the training samples in which the duty is at its limit, by the measured positions.
+        saturated: Share of the samples at which the duty is at its limit, by the measured positions, in the training
+            logs in which the joint is not held.
         remarks: What the user has to know.
         slides: Whether the joint slides: m, N and kg stand for rad, N m and kg m^2.
     """

@@ -204,7 +204,8 @@ def _answer(
         remarks += contradiction(known, law.full_torque, law.gain_is_free)
     elif is_scaleless and turned is None:
         remarks += unseen_weight(data)
-    saturated = saturated_share(data.rows, fit.parameters)
+    moved = [row for row, record in zip(data.rows, data.train, strict=True) if not record.is_held]
+    saturated = saturated_share(moved or data.rows, fit.parameters)
     known, combinations = _known_together(data, known, parameters, spread, kp)
     test = [started(one, fit.parameters, FIRST) for one in data.test]
     return JointActuator(

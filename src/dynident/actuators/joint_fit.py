@@ -12,7 +12,6 @@ from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.joint_load import JointLoad
 from dynident.actuators.linear_start import (
     OFF_S,
-    REST,
     LinearStart,
     StartRows,
     free_parameters,
@@ -125,7 +124,8 @@ class JointData:
         found = []
         for one in self.rows:
             speed, is_off = np.abs(one.motion.dq[:, one.joint]), one.on < 0.5
-            counts = [np.sum(~is_off & (speed > REST)), np.sum(is_off & (speed > OFF_SPEED))]
+            coasts = is_off & (speed > one.log.sized(one.joint, OFF_SPEED))
+            counts = [np.sum(~is_off & (speed > one.rest)), np.sum(coasts)]
             found.append((one.motion.time[1] - one.motion.time[0]) * np.array(counts))
         return np.array(found)
 

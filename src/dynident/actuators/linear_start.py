@@ -85,6 +85,11 @@ class StartRows:
     damping: float = 0.0
     fixed: dict[str, Array] = field(default_factory=dict)
 
+    @property
+    def rest(self) -> float:
+        """Speed below which the joint is at rest, in rad/s or m/s."""
+        return self.log.sized(self.joint, REST)
+
     def column(self, name: str, duty: Array, torque: float) -> Array:
         """Return one filtered column, shape (K,): what the parameter adds to the torque of the rigid body."""
         if name == "load_motor":
@@ -275,7 +280,7 @@ def _regression(
     for _ in range(_PASSES if has_load else 1):
         blocks, targets = [], []
         for one, (duty, near) in zip(rows, drives, strict=True):
-            keep = (np.abs(one.motion.dq[:, one.joint]) > REST) & ~near
+            keep = (np.abs(one.motion.dq[:, one.joint]) > one.rest) & ~near
             blocks.append(np.column_stack([one.column(name, duty, torque) for name in names])[keep])
             targets.append(one.target[keep])
         matrix, target = np.concatenate(blocks), np.concatenate(targets)
@@ -305,7 +310,7 @@ def _regression(
 def _too_few(rows: Sequence[StartRows], count: int) -> LogMismatch:
     """Return the error that only some samples of a joint move without saturation, with what to log."""
     many, name = ", ".join(dict.fromkeys(one.log.name for one in rows[:4])), rows[0].log.joints[rows[0].joint]
-    moving = sum(int(np.sum(np.abs(one.motion.dq[:, one.joint]) > REST)) for one in rows)
+    moving = sum(int(np.sum(np.abs(one.motion.dq[:, one.joint]) > one.rest)) for one in rows)
     if moving < _FEWEST:
         rate = 1.0 / float(np.median(np.diff(rows[0].log.time)))
         step = (
@@ -322,7 +327,7 @@ def _too_few(rows: Sequence[StartRows], count: int) -> LogMismatch:
 def _column(name: str, rows: StartRows, duty: Array, torque: float) -> Array:
     """Return one column of the regression, shape (K,): what the parameter adds to the torque of the rigid body."""
     dq, drive = rows.motion.dq[:, rows.joint], rows.on * rows.supply
-    sign = np.tanh(dq / REST)
+    sign = np.tanh(dq / rows.rest)
     if name == "damping_gain":
         return drive * (rows.log.dq_ref[_held(rows.log, rows.motion.time), rows.joint] - dq)
     if name == "load_motor":

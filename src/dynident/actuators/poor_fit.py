@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from dynident.actuators.joint_fit import JointData
-from dynident.actuators.linear_start import REST, StartRows, duty_of, has_weight
+from dynident.actuators.linear_start import StartRows, duty_of, has_weight
 from dynident.actuators.rollout import encoder_step, mean_errors
 from dynident.arrays import Array, BoolArray
 
@@ -110,7 +110,7 @@ def _rows(rows: Sequence[StartRows]) -> tuple[tuple[Array, Array], float]:
     blocks, near = [], []
     for one in rows:
         duty, is_near = duty_of(one, _DELAY_S, np.inf)
-        moves = np.abs(one.motion.dq[:, one.joint]) > REST
+        moves = np.abs(one.motion.dq[:, one.joint]) > one.rest
         one.fixed.pop("full_torque", None)
         columns = np.column_stack([one.column(name, duty, 0.0) for name in _COLUMNS])
         one.fixed.pop("full_torque", None)

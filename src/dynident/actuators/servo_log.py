@@ -46,7 +46,7 @@ _BACK_S = 1.0
 #: Fewest samples of a log.
 _FEWEST = 20
 
-#: A command that spans this many rad or m moves its joint.
+#: A command that spans this many rad moves its joint.
 MOVED = 0.05
 
 
@@ -125,6 +125,8 @@ class ServoLog:
         left_out: What of the file is left out, and why, in words; with the first log of the file.
         payload: What the arm carried; None for nothing.
         dq: Measured velocities, shape (N, n), which are checked and not used; None where the log has none.
+        radians: What counts as a radian of each joint, shape (n,): 1, of one that slides the range of its positions in
+            all logs over pi, in m; None for 1 of each.
     """
 
     name: str
@@ -142,11 +144,16 @@ class ServoLog:
     left_out: tuple[str, ...] = ()
     payload: Payload | None = None
     dq: Array | None = None
+    radians: Array | None = None
 
     @property
     def samples(self) -> int:
         """N."""
         return len(self.time)
+
+    def sized(self, joint: int, size: float) -> float:
+        """Return an angle or a speed of a joint that turns, in rad or rad/s; of one that slides, in m or m/s."""
+        return size if self.radians is None else size * float(self.radians[joint])
 
 
 def checked_log(log: ServoLog) -> ServoLog:
@@ -177,6 +184,16 @@ def checked_log(log: ServoLog) -> ServoLog:
         q[bad, joint] = np.interp(log.time[bad], log.time[~bad], q[~bad, joint])
     _check_meaning(log, q)
     return replace(log, q=q, failed=failed)
+
+
+def with_slides(logs: Sequence[ServoLog], slides: Sequence[bool]) -> list[ServoLog]:
+    """Return logs of n joints of which some slide: the range of such a joint in all logs counts as half a turn.
+
+    What is at rest and what is moved, in rad and rad/s, then holds for it too.
+    """
+    spans = np.max([np.ptp(log.q, axis=0) for log in logs], axis=0, initial=0.0)
+    radians = np.where(np.array(slides) & (spans > _POSE), spans / np.pi, 1.0)
+    return [replace(log, radians=radians) for log in logs]
 
 
 def rows_of(log: ServoLog, keep: BoolArray | slice) -> ServoLog:
@@ -291,7 +308,7 @@ def is_read_back(log: ServoLog, joint: int) -> bool:
     Mathematical Statistics 12, 1941): the error of a servo goes with its torque, so that the ratio is far below 1.
     """
     used = log.enabled[:, joint] & ~log.failed[:, joint]
-    if used.sum() < _FEWEST or np.ptp(log.q_ref[used, joint]) < MOVED:
+    if used.sum() < _FEWEST or np.ptp(log.q_ref[used, joint]) < log.sized(joint, MOVED):
         return False
     error = (log.q_ref - log.q)[used, joint]
     return bool(np.mean(np.diff(error) ** 2) > np.var(error))

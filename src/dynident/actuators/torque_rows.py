@@ -130,7 +130,8 @@ def joint_rows(
     """
     time, q, dq = motion.time, motion.q[:, joint], motion.dq[:, joint]
     now, before = (np.clip(np.searchsorted(log.time, at, side="right") - 1, 0, None) for at in (time, time - delay))
-    moves, step, on = np.abs(dq) > REST, float(time[1] - time[0]), log.enabled[now, joint]
+    rest, step, on = log.sized(joint, REST), float(time[1] - time[0]), log.enabled[now, joint]
+    moves = np.abs(dq) > rest
     if np.sum(moves) * step <= OFF_S:
         return None
     angle, command = between(log.time, log.q[:, [joint]], time)[:, 0], log.q_ref[before, joint]
@@ -145,7 +146,7 @@ def joint_rows(
         return motion.filtered((np.array([*own, -dq, *(side * given)]) * state).T)[moves]
 
     weight = [np.ones(len(q)), np.sin(q), np.cos(q)] if has_weight else []
-    always = np.array([*weight, *(-one for one in weight), -dq, -np.tanh(dq / REST), -motion.ddq[:, joint]])
+    always = np.array([*weight, *(-one for one in weight), -dq, -np.tanh(dq / rest), -motion.ddq[:, joint]])
     cutoff = min(CUTOFF_HZ, 0.2 / float(np.median(np.diff(log.time))))
     return TorqueRows(
         motion.filtered(always.T)[moves],

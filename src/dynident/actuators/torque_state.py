@@ -67,8 +67,9 @@ def check_torque_state(robot: Robot, log: ServoLog) -> None:
     held = np.clip(np.searchsorted(log.time, motion.time, side="right") - 1, 0, None)
     for joint in switched.tolist():
         rows, on = joint_rows(log, joint, motion, has_weight=True), log.enabled[held, joint]
-        seconds = float(motion.time[1] - motion.time[0]) * (np.abs(motion.dq[:, joint]) > REST)
-        is_tried = seconds[on].sum() > OFF_S or np.ptp(log.q_ref[log.enabled[:, joint], joint]) > MOVED
+        rest, moved = (log.sized(joint, size) for size in (REST, MOVED))
+        seconds = float(motion.time[1] - motion.time[0]) * (np.abs(motion.dq[:, joint]) > rest)
+        is_tried = seconds[on].sum() > OFF_S or np.ptp(log.q_ref[log.enabled[:, joint], joint]) > moved
         if rows is None or not is_tried or seconds[~on].sum() <= OFF_S:
             continue
         as_is, turned = (float(np.linalg.norm(rows.left(kind, target[:, joint]))) for kind in ("", STATE))

@@ -13,7 +13,7 @@ from dynident.actuators.estimate import ActuatorEstimate
 from dynident.actuators.followed_log import FollowedJoint, followed
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_files import read_servo_logs
-from dynident.actuators.servo_log import ServoLog, ServoSetup, check_travel
+from dynident.actuators.servo_log import ServoLog, ServoSetup, check_travel, with_slides
 from dynident.actuators.torque_state import check_torque_state
 from dynident.api.case_logs import with_logs
 from dynident.api.files_of_fit import file_of_fit
@@ -153,6 +153,10 @@ def logs_of_servos(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:
     travel = np.array([joint.limits.upper - joint.limits.lower for joint in case.robot.active])
     for log in (*train, *test):
         check_travel(log, travel)
+    if any(slides := [joint.kind == "prismatic" for joint in case.robot.active]):
+        logs = with_slides([*train, *test], slides)
+        train, test = logs[: len(train)], logs[len(train) :]
+    for log in (*train, *test):
         check_torque_state(case.robot, log)
     return (train, test) if case.split is None else _split(case, train)
 

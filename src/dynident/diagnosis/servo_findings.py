@@ -29,7 +29,7 @@ _LED = 0.1
 #: Largest delay of a command in s that is taken for one.
 _LATE = 0.05
 
-#: A joint that moves less than this in rad or m stays in one pose.
+#: A joint that moves less than this in rad stays in one pose.
 _STAYS = 0.01
 
 #: A gap in time is this many median steps.
@@ -173,12 +173,14 @@ def _limited(log: ServoLog, joint: int, law: DriveLaw) -> tuple[float, float]:
 
 def _is_below(log: ServoLog, joint: int, law: DriveLaw) -> bool:
     """Return whether a log moves a joint by a duty that is mostly below its limit."""
-    return bool(np.ptp(log.q_ref[:, joint]) > MOVED and _limited(log, joint, law)[0] < _MUCH_SATURATED)
+    return bool(
+        np.ptp(log.q_ref[:, joint]) > log.sized(joint, MOVED) and _limited(log, joint, law)[0] < _MUCH_SATURATED
+    )
 
 
 def _coarse(log: ServoLog, joint: int) -> list[Finding]:
     levels, told = np.unique(np.round(log.q[~log.failed[:, joint], joint], 9)), float(np.ptp(log.q_ref[:, joint]))
-    if told <= MOVED:  # it is held
+    if told <= log.sized(joint, MOVED):  # it is held
         return []
     if len(levels) < 3:
         evidence = f"its position does not change, and its command spans {told:.3g} rad"
@@ -195,7 +197,7 @@ def _coarse(log: ServoLog, joint: int) -> list[Finding]:
 def _one_pose(log: ServoLog, joint: int, others: Sequence[ServoLog]) -> list[Finding]:
     """Return that neither command nor position of a joint moves, in this log and all others."""
     spans = [float(np.ptp(each[:, joint])) for one in (log, *others) for each in (one.q, one.q_ref)]
-    if max(spans) >= _STAYS:
+    if max(spans) >= log.sized(joint, _STAYS):
         return []
     evidence = f"command and position stay within {max(spans):.2g} rad or m in all logs"
     remedy = "log motions of tens of degrees (dynident excite offers some), or lock the joint (locked: in the case)"
