@@ -287,4 +287,6 @@ def test_positions_in_turns_are_judged_by_the_limits_of_the_joints() -> None:
     assert told.certain and told.words == ("360 deg",) * 6
     np.testing.assert_allclose(position_factors(told, 6), 2 * np.pi)
     counts = position_unit(np.round(2048 + 651.9 * q), joints, "")
-    assert not counts.certain and "4096 a turn" in counts.why
+    assert not counts.certain and "4096 a turn" in counts.why and "zero: -pi" in counts.why
+    far = position_unit(np.round(9e4 * q), joints, "")
+    assert "4096 a turn" in far.why and "zero" not in far.why

@@ -101,9 +101,7 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence
             away = f"values reach {np.abs(q[:, mine]).max():.4g}"
             word = other if fits[other] and said != si else ""
             sure, why = False, f"{away}, beyond the limits as {si}{f', within them as {other}' if fits[other] else ''}"
-            why += (
-                "" if word or np.any(q[:, mine] % 1.0) else "; whole numbers: a count of 4096 a turn is 0.087890625 deg"
-            )
+            why += "" if word else _of_counts(q[:, mine])
             either = _of_either_unit(q, joints, mine, (si, other)) if word == other else ""
             why, may_differ = why + either, may_differ or bool(either)
         certain &= sure
@@ -122,6 +120,14 @@ def _of_one_unit(joints: Sequence[Joint], stated: Sequence[str]) -> Iterator[tup
         mine = [k for k, joint in enumerate(joints) if joint.kind == kind]
         for word in dict.fromkeys(said[k] for k in mine):
             yield [k for k in mine if said[k] == word], units, word
+
+
+def _of_counts(q: Array) -> str:
+    """Return what is said of positions that are whole numbers, as registers of encoders are; nothing of others."""
+    if np.any(q % 1.0):
+        return ""
+    zero = "; zero: -pi for each joint that stands at 0 at a count of 2048" if 0 <= q.min() <= q.max() <= 4096 else ""
+    return f"; whole numbers: a count of 4096 a turn is 0.087890625 deg{zero}"
 
 
 def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], units: tuple[str, str]) -> str:
