@@ -811,3 +811,10 @@ def test_a_contact_is_named_with_its_time_and_huber_goes_without_it(size: float,
         assert [each.name for each in found if each.severity != "note"] == ["contact"]
         robust = replace(struck, case=replace(struck.case, estimator=PartChoice("huber")))
         assert [one.severity for one in robust.examined(tmp_path).findings if one.name == "contact"] == ["note"]
+
+
+def test_the_motion_of_a_log_that_rests_is_no_contact(trial: Trial, tmp_path: Path) -> None:
+    count, step = 12 * len(trial.columns["t"]), np.median(np.diff(trial.columns["t"]))
+    held = {name: np.concatenate([v, np.repeat(v[-1:], count, axis=0)]) for name, v in trial.columns.items()}
+    held["t"][-count:] = trial.columns["t"][-1] + step * np.arange(1, count + 1)
+    assert "contact" not in [one.name for one in trial.with_columns(**held).examined(tmp_path).findings]

@@ -13,9 +13,17 @@ from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity, listed
 from dynident.errors import DynidentError
+from dynident.identification.problem.regressor_stream import motion_of
 
 #: Length of a window in s, share of all windows that may be left out, and fits by which they are found.
 WINDOW_S, MOST, FITS = 0.25, 0.05, 6
+
+#: Parts that follow each other at most, and times of the speed of the rest up to which they are alike in motion: where
+#: a log is at rest but for a few samples, these are its motion.
+PARTS, SWIFT = 3, 3.0
+
+#: Least residual there, over the deviation of the torque: less is no contact that matters.
+LARGE = 0.1
 
 #: Root mean square residual of a window over that of the rest from which it is apart; the median's for a first look.
 APART, LOOK = 6.0, 3.0
@@ -81,9 +89,21 @@ def _spoiled(fit: QuickFit) -> tuple[BoolArray, Array, float] | None:
     with np.errstate(invalid="ignore"):
         inside, outside, was = (_squares(each) for each in (residual[left_out], residual[~left_out], whole[~left_out]))
     ratios = np.zeros(len(some))
-    ratios[some] = np.sqrt(inside / outside)
+    size = np.nanvar(np.where(rows.masks, rows.torque, np.nan)[:, some], axis=0)
+    ratios[some] = np.where(inside > LARGE**2 * size, np.sqrt(inside / outside), 0.0)
     fall = float(np.exp(np.mean(np.log(was / outside))))
-    return (left_out, ratios, fall) if ratios.max() >= APART and fall >= SPOILED else None
+    is_told = ratios.max() >= APART and fall >= SPOILED and _is_alike_in_motion(fit, left_out, windows)
+    return (left_out, ratios, fall) if is_told else None
+
+
+def _is_alike_in_motion(fit: QuickFit, left_out: BoolArray, windows: IntArray) -> bool:
+    """Return whether rows (N,) are few parts of a log that moves as fast without them."""
+    speed = np.abs(motion_of(fit.rows.prepared.kept).dq)
+    speed = (speed / np.maximum(speed.max(axis=0), 1e-300)).max(axis=1)
+    each = np.bincount(windows, speed) / np.bincount(windows)
+    inside = np.unique(windows[left_out])
+    rest = np.median(np.delete(each, inside))
+    return bool(np.sum(np.diff(inside) > 1) < PARTS and np.mean(each[inside]) <= SWIFT * rest)
 
 
 def _squares(residual: Array) -> Array:
