@@ -34,12 +34,12 @@ def check_saturation(robot: Robot, laws: Sequence[DriveLaw], logs: Sequence[Serv
         logs: Logs of its joints.
 
     Raises:
-        LogMismatch: The torque of a joint has one size, whatever the position error.
+        LogMismatch: The torque of joints has one size, whatever the position error.
         NotConsistent: The robot model has no inertias.
     """
-    for joint in limited_throughout(robot, laws, logs):
-        names = ", ".join(log.name for log in logs[:4])
-        raise LogMismatch(names, f"the drive of {robot.joint_names[joint]} is {LIMITED_WORDS}", LESS)
+    joints = ", ".join(robot.joint_names[joint] for joint in limited_throughout(robot, laws, logs))
+    if joints:
+        raise LogMismatch(", ".join(log.name for log in logs[:4]), f"the drive of {joints} is {LIMITED_WORDS}", LESS)
 
 
 def check_torque_state(robot: Robot, log: ServoLog) -> None:
