@@ -78,7 +78,7 @@ def held_beside_known_bodies(error: float, noise: float) -> tuple[float, float, 
         rows = CauseRows(blocks, every, bodies, target, target, np.ones(target.shape, bool), float(INDEPENDENT))
         factors, told, doubts = np.full(joints, float(INDEPENDENT)), [], list[float]()
         search = CauseSearch(rows, [cause])
-        _, own = figured(search, search.blames(), model, lambda cause, beta: cause)
+        _, own = figured(search, search.blames(), model, lambda cause, beta, values: cause)
         for errors in (lambda own=own: own, None):
             anchored = Anchored(rows, [cause], known, factors, errors)
             (blame,) = anchored.blames()

@@ -234,3 +234,25 @@ def test_links_are_not_told_for_friction_that_the_case_lacks(
     monkeypatch.setattr(link_consistency, "replace", lambda fit, **_: fit)  # nothing is taken off
     found, _ = told(seed, tmp_path)
     assert "inconsistent links" in [one.name for one in found]
+
+
+@pytest.mark.parametrize(
+    ("gears", "name"), [((80.0, -100.0, 121.0), "torque side"), ((100.0, 100.0, 100.0), "torque unit")]
+)
+def test_torques_of_the_other_side_of_the_gears_are_told_with_the_line_that_mends_it(
+    gears: tuple[float, ...], name: str, case: Case, tmp_path: Path
+) -> None:
+    """Gears that are all alike are no other than a unit, whose finding has the side as well."""
+    active = {joint.name: joint.drive for joint in case.robot.active}
+    drives = {
+        name: replace(drive, gear_ratio=turns) for (name, drive), turns in zip(active.items(), gears, strict=True)
+    }
+    joints = replace(case, robot=case.robot.with_drives(drives))
+    motors = replace(joints, columns=replace(joints.columns, motor=("torque",)))
+    log = virtual(joints)
+    turned = log.with_columns(tau=log.columns["tau"] / gears)
+    for stated, one, line in ((joints, turned, "{torque: motor}"), (motors, log, "{torque: link}")):
+        (found,) = warned(replace(one, case=stated), tmp_path)
+        assert (found.name.removesuffix("s"), found.severity) == (name, "error")
+        assert (line if name == "torque side" else "log: side") in found.remedy
+    assert not warned(log, tmp_path) and not warned(replace(turned, case=motors), tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from dynident.data.formats._column_map import ColumnMap
 from dynident.data.formats._units import QUANTITY, UNITS, counted_unit
@@ -34,6 +35,9 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot) -> Findin
         signal, unit = stated
         line = f"log: units: {{{QUANTITY[signal]}: {_in_unit(signal, unit, columns, robot)}}}"
         return replace(finding, remedy=f"state the unit in the case file ({line})")
+    if finding.name == "position zero" and {finding.joint} <= set(columns.joints) and not finding.beside:
+        line = _zeros(columns, {finding.joint: finding.numbers["value"]})
+        return replace(finding, remedy=f"{finding.remedy}; where the positions are off, state it ({line})")
     line = _turned(finding, columns, robot)
     if not line:
         return finding
@@ -56,14 +60,20 @@ def _turned(finding: Finding, columns: ColumnMap, robot: Robot) -> str:
     units = [_counts(signal, columns, robot, factors) for signal in turned if getattr(columns, signal)]
     lines = [f"log: units: {{{', '.join(units)}}}"] if units else []
     if columns.zero and "q" in turned:
-        pairs = zip(columns.joints, columns.zero, strict=True)
-        lines.append(f"log: zero: [{', '.join(f'{zero * factors.get(name, 1.0):.6g}' for name, zero in pairs)}]")
+        lines.append(_zeros(columns, {}, factors))
     if "torque" in turned and not columns.torque:
         gains = _gains(robot, factors)
         if not gains:
             return ""
         lines.append(f"drives: {{{gains}}}")
     return "; ".join(lines)
+
+
+def _zeros(columns: ColumnMap, added: Mapping[str, float], factors: Mapping[str, float] = MappingProxyType({})) -> str:
+    """Return the line with the zeros of all joints, some of them multiplied or with a value added."""
+    pairs = zip(columns.joints, columns.zero or [0.0] * len(columns.joints), strict=True)
+    zeros = (zero * factors.get(name, 1.0) + added.get(name, 0.0) for name, zero in pairs)
+    return f"log: zero: [{', '.join(f'{zero:.6g}' for zero in zeros)}]"
 
 
 def _stated(finding: Finding) -> tuple[str, str] | None:

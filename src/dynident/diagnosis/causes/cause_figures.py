@@ -1,7 +1,8 @@
 """Figures of the causes that a search has found, with intervals that count errors of the model.
 
-A clock and a lean of the base act on the torque of the bodies, which the fit without them has wrong by as much. Once
-they are found, their columns are made again with the bodies beside them, as a step of Gauss and Newton.
+A clock, a lean of the base, an elastic joint and a wrong zero act on the torque of the bodies, which the fit without
+them has wrong by as much. Once they are found, their columns are made again with the bodies beside them and the values
+that they have, as a step of Gauss and Newton.
 
 The interval of each cause is that of rows that hang together, or wider where the residual shows errors of the model
 (:mod:`dynident.diagnosis.causes.model_error`).
@@ -25,7 +26,7 @@ PULLS = ("spring", "counterbalance")
 
 
 def figured(
-    found: CauseSearch, blames: Sequence[Blame], error: ModelError, again: Callable[[Cause, Array], Cause]
+    found: CauseSearch, blames: Sequence[Blame], error: ModelError, again: Callable[[Cause, Array, Array], Cause]
 ) -> tuple[tuple[Blame, ...], FitErrors]:
     """Return the same causes with their figures beside each other, and the errors of the model that their fit has.
 
@@ -33,10 +34,10 @@ def figured(
         found: The search.
         blames: What it has found, with rivals.
         error: Errors of the model at its rows.
-        again: Makes the columns of a cause with the base parameters of a fit, shape (b,).
+        again: Makes the columns of a cause with the base parameters of a fit, shape (b,), and the cause's values.
     """
     rows = found.rows
-    causes, solved = _about_their_bodies(rows, [blame.cause for blame in blames], again)
+    causes, solved = about_their_bodies(rows, [blame.cause for blame in blames], again)
     errors = _errors(rows, causes, solved, error)
     numbers = [_number(found, blame.cause) for blame in blames]
     told = []
@@ -46,7 +47,7 @@ def figured(
             number, beside = _number(found, rival.cause), [*causes[:k], rival.cause, *causes[k + 1 :]]
             if number in others:
                 continue  # it was taken in later, and is told itself
-            beside, fit = _about_their_bodies(rows, beside, again)
+            beside, fit = about_their_bodies(rows, beside, again)
             columns = errors.with_columns(_columns(rows, beside, fit, error), np.sqrt(fit.variances))
             ((_, times),) = found.worths([(*others, number)])
             told_of = _figured(rival, fit, _places(rows, beside, k), columns.widening, times)
@@ -90,12 +91,13 @@ def _fit(rows: CauseRows, causes: Sequence[Cause]) -> Solved:
     return CauseSearch(rows, causes).fit(range(len(causes)))
 
 
-def _about_their_bodies(
-    rows: CauseRows, causes: list[Cause], again: Callable[[Cause, Array], Cause]
+def about_their_bodies(
+    rows: CauseRows, causes: list[Cause], again: Callable[[Cause, Array, Array], Cause]
 ) -> tuple[list[Cause], Solved]:
     """Return causes with their columns made again with the bodies beside them, and the fit with these."""
     solved = _fit(rows, causes)
-    made = [again(cause, solved.beta[: rows.size]) for cause in causes]
+    beta = solved.beta[: rows.size]
+    made = [again(cause, beta, solved.beta[_places(rows, causes, k)]) for k, cause in enumerate(causes)]
     if all(new is old for new, old in zip(made, causes, strict=True)):
         return causes, solved
     return made, _fit(rows, made)

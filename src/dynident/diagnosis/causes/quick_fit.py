@@ -240,6 +240,12 @@ class QuickFit:
             found[i] = np.sqrt(self.plain.variances[i]) / max(size, 1e-300)
         return found
 
+    @property
+    def tells_rotors(self) -> bool:
+        """Whether motions tell all rotor inertias of the fit from inertia of the links."""
+        rotors = {k for k, one in enumerate(self.model.parameters) if one.kind == "rotor"}
+        return rotors <= set(self.base.independent.tolist())
+
     @cached_property
     def independent_rows(self) -> Array:
         """Rows of each joint that count, less those that hang together, shape (n,)."""

@@ -13,7 +13,7 @@ from dynident.diagnosis.causes.cause_search import MANY, Blame
 from dynident.diagnosis.causes.frame_search import TURNED_AXIS
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
-from dynident.diagnosis.causes.trends import Trends, leaned
+from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, ZERO, Trends, leaned
 from dynident.diagnosis.finding import Finding, Severity, listed
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Joint
@@ -30,6 +30,9 @@ ABSURD = 10.0
 
 #: Share of a joint's torque below which a delay of its own is not told.
 LATE = 0.01
+
+#: Share of a joint's residual variance below which its elasticity or the hysteresis of its torque is not told.
+TAKEN = 0.1
 
 #: Half the change of the squared speed of a clock from which it is not told.
 FAR_CLOCK = 0.25
@@ -64,21 +67,29 @@ def standing(trends: Trends, blames: Sequence[Blame]) -> tuple[list[Finding], li
     """Return what is said of axes of the robot model, and the causes with the rivals that stand beside them.
 
     Where a rotor inertia or a grave cause may be an axis that is off, all are judged beside the axes as well. A rotor
-    inertia does not stand beside a surer delay of its joint's torque, of which it would take the rest in.
+    inertia does not stand beside a surer delay of its joint's torque, of which it would take the rest in, and a delay
+    not beside friction and hysteresis of its joint.
     """
     every = [each for blame in blames for each in (blame, *blame.rivals)]
     doubted = any(each.cause.name == "rotor inertia" or is_grave(each) for each in every)
     frames = trends.frames if doubted else ()
-    late = {blame.cause.joint: blame.certainty for blame in blames if blame.cause.name == "torque delay"}
+    delays = [blame for blame in (*blames, *trends.blames) if blame.cause.name == DELAY]
+    late = {blame.cause.joint: blame.certainty for blame in delays}
 
-    def stands(blame: Blame) -> bool:
+    def stands(blame: Blame, place: Blame) -> bool:
+        if blame.cause.name == DELAY and not trends.is_delay(blame, place):
+            return False
         if blame.cause.name == "rotor inertia" and (
             late.get(blame.cause.joint, 0.0) > blame.certainty or trends.is_of_lag(blame.cause)
         ):
             return False
         return not frames or trends.is_sure_beside_frames(blame.cause)
 
-    kept = [replace(blame, rivals=tuple(filter(stands, blame.rivals))) for blame in blames if stands(blame)]
+    kept = [
+        replace(blame, rivals=tuple(each for each in blame.rivals if stands(each, blame)))
+        for blame in blames
+        if stands(blame, blame)
+    ]
     return frame_findings(frames), kept
 
 
@@ -98,13 +109,15 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
     bodies would be all of the bodies.
     """
     if blame.cause.name == "time scale":
-        if abs(float(blame.values[0])) >= FAR_CLOCK:
+        if abs(float(blame.values[0])) >= FAR_CLOCK or sureness(blame) < TOLD:
             return None
         speed = float(np.sqrt(1.0 + 2.0 * blame.values[0]))
         return replace(blame, values=np.array([speed - 1.0]), covariance=blame.covariance / speed**2)
     if blame.cause.name != "torque scale":
         none = blame.size > ABSURD or (blame.cause.is_positive and blame.values[0] <= 0.0)
-        none = none or (blame.cause.name == "torque delay" and (blame.size < LATE or sureness(blame) < TOLD))
+        none = none or (blame.cause.name == DELAY and blame.size < LATE)
+        none = none or (blame.cause.name in (ELASTIC, HYSTERESIS) and blame.share < TAKEN)
+        none = none or (blame.cause.name in (DELAY, ELASTIC, HYSTERESIS, ZERO) and sureness(blame) < TOLD)
         return None if none else blame
     scale = scale_of(blame.cause.joint)
     if scale is None:
@@ -146,7 +159,7 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
 
 def is_grave(blame: Blame) -> bool:
     """Return whether a cause, friction apart, explains most of a residual and is a large share of the torque."""
-    large = _size(blame) > (MATTERS if blame.cause.joint else MATTERS_ALL)
+    large = _size(blame) > (MATTERS if blame.cause.joint and blame.cause.name != ZERO else MATTERS_ALL)
     return blame.share > EXPLAINED and large and blame.cause.name != "friction curve"
 
 
@@ -270,6 +283,42 @@ def _torque_delay(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     return evidence, f"{remedy} (preprocessing: delay_s shifts all joints alike)"
 
 
+def _elastic(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    low, high = (float(blame.values[0] + way * blame.half_widths[0]) for way in (-1.0, 1.0))
+    unit = "N/m" if _joint(blame, fit).kind == "prismatic" else "N m/rad"
+    within = f"{1.0 / high:.3g} to {1.0 / low:.3g}, 95 %" if low > 0.0 else f"above {1.0 / high:.3g}, 95 %"
+    if not fit.tells_rotors:
+        within = "within a factor of three, as some rotor inertia counts as that of links"
+    evidence = (
+        "its link lags behind its drive in proportion to its torque, by a stiffness of about "
+        f"{1.0 / float(blame.values[0]):.{3 if fit.tells_rotors else 2}g} {unit} ({within})"
+    )
+    remedy = (
+        "the gear or belt is elastic, which the model is not: log positions behind it, or accelerate less; positions "
+        "of the drive less the torque of the link over the stiffness are those of the link"
+    )
+    return evidence, remedy
+
+
+def _hysteresis(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    unit = "N" if _joint(blame, fit).kind == "prismatic" else "N m"
+    evidence = (
+        f"its torque is {2.0 * blame.values[0]:.3g} +- {2.0 * blame.half_widths[0]:.2g} {unit} higher where it rises "
+        "than where it falls"
+    )
+    return evidence, "hysteresis of the torque sensor or of the gear, which no friction of the model has; no delay"
+
+
+def _zero(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    value, half = float(blame.values[0]), float(blame.half_widths[0])
+    scale, unit = (1e3, "mm") if _joint(blame, fit).kind == "prismatic" else (180.0 / np.pi, "degrees")
+    evidence = (
+        f"its measured positions are {scale * abs(value):.3g} +- {scale * half:.2g} {unit} too "
+        f"{'small' if value > 0 else 'large'} for the robot model"
+    )
+    return evidence, "compare its zero with that of the robot model, and axis and origin of the next joint"
+
+
 def frame_findings(frames: Sequence[Blame]) -> list[Finding]:
     """Return what is said of axes that are turned or displaced in the robot model; nothing where none is.
 
@@ -318,8 +367,11 @@ _TEXTS: dict[str, Callable[[Blame, QuickFit], tuple[str, str]]] = {
     "friction curve": _friction_curve,
     "time scale": _time_scale,
     "torque scale": _torque_scale,
-    "torque delay": _torque_delay,
+    DELAY: _torque_delay,
     "tilt": _tilt,
+    ELASTIC: _elastic,
+    HYSTERESIS: _hysteresis,
+    ZERO: _zero,
 }
 
 #: Names of the findings.

@@ -10,8 +10,9 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.log import Log
+from dynident.diagnosis.causes.bodies_in_motion import BodiesInMotion
 from dynident.diagnosis.causes.cause_columns import CauseRows
-from dynident.diagnosis.causes.cause_figures import figure_beside, figured
+from dynident.diagnosis.causes.cause_figures import about_their_bodies, figure_beside, figured
 from dynident.diagnosis.causes.cause_search import CHANCE, Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import frame_errors
 from dynident.diagnosis.causes.frame_search import AXES, axes_off, blames_beside_frames
@@ -22,8 +23,16 @@ from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.quantiles import chi_square_tail
 
-#: Step of the finite difference by the clock, a share.
-CLOCK_STEP = 1e-3
+#: Causes of one joint that act on the motion, for which straight lines do not hold far.
+CURVED = ELASTIC, ZERO, DELAY = "joint elasticity", "position zero", "torque delay"
+
+#: Hysteresis of a torque, and the rate of the torque, over its standard deviation, at which it turns over; friction
+#: that fades with speed, and the speed in rad/s, of slides less.
+HYSTERESIS, TURNING = "torque hysteresis", 0.25
+FADING, FADED = "fading friction", 0.1
+
+#: Share of a delay that is left at least beside friction and hysteresis of its joint.
+KEPT = 0.75
 
 #: Smoothing of the sign of a velocity in rad/s, of slides less.
 WIDTH = 0.02
@@ -66,19 +75,55 @@ class Trends:
 
         It is not sure beside a column of that then. One that free bodies take in is no part of it.
         """
-        numbers = {(one.name, one.joint): k for k, one in enumerate(self._lags.causes)}
-        own, found = numbers[cause.name, cause.joint], {(each.cause.name, each.cause.joint) for each in self._found}
-        others = [*(numbers[key] for key in found if numbers[key] != own), numbers["lag", cause.joint]]
-        if (cause.name, cause.joint) not in found:
-            return False
-        before, after = self._lags.fit(others), self._lags.fit([*others, own])
-        ((worth, _),) = self._lags.worths([(*others, own)])
-        ratio = float(worth @ np.log(before.variances / after.variances)) * (after.beta[-1] > 0.0)
-        return bool(len(numbers) * chi_square_tail(ratio, 1) > CHANCE)
+        return any(blame.cause is cause for blame in self._found) and not self._value_beside(cause, "lag")
+
+    def is_delay(self, blame: Blame, place: Blame) -> bool:
+        """Return whether a delay of one joint's torque has its figure beside friction and hysteresis of the joint, too.
+
+        Friction that fades with speed, or depends on the way in which the torque changes, leads or lags what it acts
+        on.
+
+        Args:
+            blame: The delay.
+            place: The cause in whose place it is told; the same where it is told alone.
+        """
+        left = self._value_beside(blame.cause, "friction curve", FADING, HYSTERESIS, place=place.cause)
+        return abs(left) > KEPT * abs(float(blame.values[0]))
+
+    def _value_beside(self, cause: Cause, *names: str, place: Cause | None = None) -> float:
+        """Return the value of a cause beside those found and others of its joint, by their names; 0 if it is not sure.
+
+        Another cause that was found may be left out, ``place``.
+        """
+        numbers = {(one.name, one.joint): k for k, one in enumerate(self._beside.causes)}
+        found = [(each.cause.name, each.cause.joint) for each in self._found]
+        left_out = {(each.name, each.joint) for each in (cause, place) if each}
+        keys = dict.fromkeys([*found, *((name, cause.joint) for name in names)])
+        others, own = [numbers[key] for key in keys if key not in left_out], numbers[cause.name, cause.joint]
+        before, after = self._beside.fit(others), self._beside.fit([*others, own])
+        ((worth, _),) = self._beside.worths([(*others, own)])
+        ratio, value = float(worth @ np.log(before.variances / after.variances)), float(after.beta[-1])
+        is_sure = len(numbers) * chi_square_tail(ratio, 1) < CHANCE and (value > 0.0 or not cause.is_positive)
+        return value if is_sure else 0.0
+
+    @cached_property
+    def _beside(self) -> CauseSearch:
+        names, load = self.fit.model.robot.joint_names, np.abs(self._motion.rigid)
+        fading = np.sign(self._speed) * np.exp(-((self._speed / rest_speeds(self.fit.model.robot, FADED)) ** 2))
+        every = [_cause("lag", name, self._at_joint(i, self._late[:, i])) for i, name in enumerate(names)]
+        for i, name in enumerate(names):
+            columns = (fading[:, i], fading[:, i] * load[:, i])
+            every.append(_cause(FADING, name, *(self._at_drive(i, column) for column in columns)))
+        return CauseSearch(self._rows, [*self.causes, *self._filtered(every)], self._rows.shared)
+
+    @cached_property
+    def _late(self) -> Array:
+        """What a delay by 1 s adds to the torques, friction with them, shape (N, n)."""
+        return self._slope(self.fit.regressor.predict(self._log, self.fit.plain.beta))
 
     @cached_property
     def _lags(self) -> CauseSearch:
-        names, slope = self.fit.model.robot.joint_names, self._slope(self.fit.plain.beta)
+        names, slope = self.fit.model.robot.joint_names, self._late
         every = [_cause("lag", name, self._at_joint(i, slope[:, i])) for i, name in enumerate(names)]
         return CauseSearch(self._rows, [*self.causes, *self._filtered(every)], self._rows.shared)
 
@@ -97,20 +142,39 @@ class Trends:
     @cached_property
     def least_criterion(self) -> float:
         """What the criterion is at least: all causes are fitted, and none of their columns counts."""
-        return float(self._rows.worth @ np.log(self._search.fit(range(len(self.causes))).variances))
+        search = self._tangents
+        return float(self._rows.worth @ np.log(search.fit(range(len(search.causes))).variances))
 
     @cached_property
+    def _tangents(self) -> CauseSearch:
+        return CauseSearch(self._rows, self._filtered(list(self._causes())), self._rows.shared)
+
+    @cached_property
+    def _searched(self) -> tuple[CauseSearch, tuple[Blame, ...]]:
+        """The search and what it has found, made again where curves are left of motions that are not the measured."""
+        search = self._tangents
+        found = search.blames()
+        if any(blame.cause.name in CURVED for blame in found):
+            before = [blame.cause for blame in found]
+            after, _ = about_their_bodies(self._rows, before, self._made_again)
+            made = {id(old): new for old, new in zip(before, after, strict=True)}
+            causes = [made.get(id(cause), cause) for cause in search.causes]
+            search = CauseSearch(self._rows, causes, self._rows.shared)
+            found = search.blames()
+        return search, found
+
+    @property
     def _search(self) -> CauseSearch:
-        return CauseSearch(self._rows, self.causes, self._rows.shared)
+        return self._searched[0]
 
-    @cached_property
+    @property
     def _found(self) -> tuple[Blame, ...]:
-        return self._search.blames()
+        return self._searched[1]
 
     @cached_property
     def delay(self) -> tuple[float, float]:
         """Delay of the torque in s that is left beside these causes, and its standard deviation by all errors."""
-        slope = _cause("torque delay", "", self._slope(self.fit.plain.beta))
+        slope = _cause("torque delay", "", self._late)
         causes = [blame.cause for blame in self.blames]
         return figure_beside(self._rows, causes, self._filtered([slope])[0], self._error)
 
@@ -134,15 +198,40 @@ class Trends:
     def _figured(self) -> tuple[tuple[Blame, ...], FitErrors]:
         return figured(self._search, self._found, self._error, self._made_again)
 
-    def _made_again(self, cause: Cause, beta: Array) -> Cause:
-        """Return the clock or the lean of the base about bodies of other base parameters, shape (b,)."""
-        make = {"time scale": self._clock, "tilt": self._tilt}.get(cause.name)
-        return cause if make is None else self._filtered([make(beta)])[0]
+    def _made_again(self, cause: Cause, beta: Array, values: Array) -> Cause:
+        """Return a cause that acts on the motion about bodies of other base parameters, (b,), and its values, (k,)."""
+        if cause.name in (*CURVED, "time scale"):
+            column = self._by_motion(cause.name, cause.joint, self._motion_of(beta), float(values[0]))
+        elif cause.name == "tilt":
+            column = self._tilt(beta)
+        else:
+            return cause
+        return self._filtered([replace(cause, columns=column.columns, is_filtered=False)])[0]
+
+    def _by_motion(self, name: str, joint: str, motion: BodiesInMotion, value: float = 0.0) -> Cause:
+        """Return a cause that acts on the motion of links, as a secant up to a value.
+
+        What a clock does to friction, its own columns take in, but for the width of its sign, and a wrong width would
+        be taken for a wrong clock.
+        """
+        if name == "time scale":
+            return _cause(name, "", motion.clock())
+        make = {ELASTIC: motion.elastic, ZERO: motion.zero, DELAY: motion.late}[name]
+        column = make(self.fit.model.robot.joint_names.index(joint), value)
+        return replace(_cause(name, joint, column), is_positive=name == ELASTIC)
+
+    def _motion_of(self, beta: Array) -> BodiesInMotion:
+        """Return the motion with the bodies of base parameters, shape (b,)."""
+        return BodiesInMotion.of_bodies(self.fit.regressor, self._log, self._bodies(beta))
 
     @cached_property
+    def _motion(self) -> BodiesInMotion:
+        return self._motion_of(self.fit.plain.beta)
+
+    @property
     def causes(self) -> tuple[Cause, ...]:
         """The causes that are tried, filtered as the torques are."""
-        return self._filtered(list(self._causes()))
+        return self._search.causes
 
     def _filtered(self, found: list[Cause]) -> tuple[Cause, ...]:
         """Return causes filtered as the torques are, those that are not yet, all at once."""
@@ -166,17 +255,18 @@ class Trends:
         clock = self.fit.clock(np.asarray(self._log.time))
         clock = (clock - clock.mean()) / max(float(np.ptp(clock)), 1e-9)
         sign, q = np.tanh(self._speed / rest_speeds(self.fit.model.robot, WIDTH)), np.asarray(self._log.q)
-        load = np.abs(self.fit.regressor.predict(self._log, self._bodies(self.fit.plain.beta)))
+        load, late = np.abs(self._motion.rigid), self._slope(self._motion.rigid)
         told = judged(self.fit.rows.masks)
         found_later = [part for part in self.fit.model.friction if part.is_of_position and part.vary]
         bent = {name for part in found_later for name in part.joints or names}  # by springs whose fields the fit finds
         rotors = {parameter.owner for parameter in self.fit.model.parameters if parameter.kind == "rotor"}
         inertial = np.asarray(self._log.ddq) @ self._coupling.T
-        late = self._slope(self._bodies(self.fit.plain.beta))  # friction that turns early has columns of its own
         for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
             if not told[i]:
                 continue
             yield _cause("drift", name, self._at_joint(i, clock))
+            for one in (ELASTIC, ZERO):
+                yield self._by_motion(one, name, self._motion)
             if name not in bent:
                 yield _cause("spring", name, self._at_joint(i, q[:, i] - q[:, i].mean()))
             if name not in bent and joint.kind == "revolute":
@@ -192,18 +282,20 @@ class Trends:
             root, loaded = sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i]
             curves = (speed * size, root, loaded, size, turn * inertial[:, i], flank)
             yield _cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
+            turning = np.tanh(-late[:, i] / max(TURNING * float(late[:, i].std()), 1e-300))
+            yield replace(_cause(HYSTERESIS, name, self._at_joint(i, turning)), is_positive=True)
             yield Cause("torque scale", name, self._own_torque(i)[None], is_filtered=True)
             if not self.fit.how.delay_s:  # else those of some joints would take the delay of all back
-                yield _cause("torque delay", name, self._at_joint(i, late[:, i]))
+                yield self._by_motion(DELAY, name, self._motion)  # of bodies: friction has columns that turn early
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
         yield _cause("friction drift", "", *warm)
-        yield self._clock(self.fit.plain.beta)
+        yield self._by_motion("time scale", "", self._motion)
         if np.any(self.fit.model.robot.gravity):
             yield self._tilt(self.fit.plain.beta)
 
-    def _slope(self, beta: Array) -> Array:
-        """Return what a delay of the torques by 1 s adds to them, as a straight line, shape (N, n)."""
-        return -np.gradient(self.fit.regressor.predict(self._log, beta), np.asarray(self._log.time), axis=0)
+    def _slope(self, torque: Array) -> Array:
+        """Return what a delay by 1 s adds to torques (N, n), as a straight line, of the same shape."""
+        return -np.gradient(torque, np.asarray(self._log.time), axis=0)
 
     def _bodies(self, beta: Array) -> Array:
         """Return base parameters (b,) without friction."""
@@ -224,18 +316,6 @@ class Trends:
         column = np.zeros_like(self.fit.rows.torque)
         column[:, joint] = self.fit.rows.torque[:, joint] - self.fit.residual[:, joint]
         return column
-
-    def _clock(self, beta: Array) -> Cause:
-        """Return the derivative of the bodies' torque by the speed of the clock.
-
-        Friction is left out: what a clock does to it, its own columns take in, but for the width of its sign, and a
-        wrong width would be taken for a wrong clock.
-        """
-        log, speed = self._log, 1.0 + CLOCK_STEP
-        beta = self._bodies(beta)
-        faster = replace(log, dq=np.asarray(log.dq) * speed, ddq=np.asarray(log.ddq) * speed**2)
-        slope = (self.fit.regressor.predict(faster, beta) - self.fit.regressor.predict(log, beta)) / CLOCK_STEP
-        return _cause("time scale", "", slope)
 
     def _tilt(self, beta: Array) -> Cause:
         """Return the lean of the base about both axes across gravity; the first joint then carries its own link too."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
-from dynident.diagnosis.causes.known_bodies import KnownBodies, nominal_bodies, with_rotors
+from dynident.diagnosis.causes.known_bodies import KnownBodies, NominalBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.quick_fit import asked_inertias
 from dynident.diagnosis.causes.trend_findings import (
     NARROW,
@@ -22,7 +22,7 @@ from dynident.diagnosis.causes.trend_findings import (
     sureness,
     trend_finding,
 )
-from dynident.diagnosis.causes.trends import Trends
+from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, ZERO, Trends
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
 
@@ -30,8 +30,10 @@ from dynident.diagnosis.finding import Finding, Severity
 #: figure, in which the errors of the known bodies count, from which it is one.
 MATTERS, SURE = 0.1, 5.0
 
-#: Causes of which free bodies may give the better figure.
+#: Causes of which free bodies may give the better figure, and those that they give alone: friction, which no known
+#: bodies have, passes for a delay or an elastic joint, and errors of a robot model's centres of mass for another zero.
 FREE = ("time scale", "tilt", "rotor inertia")
+FREE_ALONE, FREE_OF_MODELS = (DELAY, ELASTIC, HYSTERESIS), (ZERO,)
 
 
 @dataclass(frozen=True)
@@ -60,11 +62,14 @@ def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: st
     against = AgainstBodies(trends, known)
     free = {(one.cause.name, one.cause.joint): one for one in trends.blames if one.cause.name in FREE}
     frames, blames = standing(trends, against.search.blames())
+    left_out = FREE_ALONE + (FREE_OF_MODELS if isinstance(known, NominalBodies) else ())
     return frames + [
         _finding(each, None if each is blame else blame, against, words)
         for blame in blames
+        if blame.cause.name not in left_out
         for each in (blame, *blame.rivals)
-        if not _is_better(free.get((each.cause.name, each.cause.joint)), each)
+        if each.cause.name not in left_out
+        and not _is_better(free.get((each.cause.name, each.cause.joint)), each)
         and each.cause.name not in subject.described
         and believed(each) is not None
         and sureness(each) > TOLD

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.evidence.torques import EXPLAINED, OFF, agrees, scale_against
-from dynident.diagnosis.causes.column_readings import variance_falls
+from dynident.diagnosis.causes.column_readings import GAIN, variance_falls
 from dynident.diagnosis.causes.known_bodies import KnownBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.several_scales import nominal_ratios
@@ -34,6 +34,10 @@ CONSTANT, HELD, SLOW = 0.05, 0.5, 0.002
 #: Share of the samples that a slide moves each way at least, for its weight to be told from its friction.
 BOTH_WAYS = 0.1
 
+#: What torques of the other side of the gears look like besides.
+READINGS = ("another robot", "coupling", "torque sign", "torque order", "joint order", "position sign", "axis sign")
+OTHER_SIDE = (*CONSEQUENCES, "torque scales", "torque units", "mounting", "torque without gravity", *READINGS)
+
 
 @dataclass(frozen=True)
 class TorqueScale(Check):
@@ -45,6 +49,8 @@ class TorqueScale(Check):
         fit = subject.fit
         if fit is None:
             return []
+        if side := _other_side(subject, fit):
+            return side
         found = other_scales(subject.scales)
         return [
             *_all_joints(fit, found, subject.known),
@@ -52,6 +58,39 @@ class TorqueScale(Check):
             *_open_scales(fit, subject.scales),
             *_lifted(fit),
         ]
+
+
+def _other_side(subject: CheckedLog, fit: QuickFit) -> list[Finding]:
+    """Return that torques of motors are read as those of joints, or the reverse, by the stated gears and the masses.
+
+    Gears that are all alike are no other than a unit of all torques, for which another finding stands.
+    """
+    theta, columns, mixing = fit.model.nominal(), subject.raw.columns, _through_gears(subject, fit)
+    if theta is None or mixing is None:
+        return []
+    ratio, alike = against_nominal(fit, theta, mixing)
+    common = mixing / np.exp(np.linalg.slogdet(mixing)[1] / len(mixing))
+    before, after = np.log(fit.variances(fit.shared, np.stack([np.eye(len(mixing)), common]))).sum(axis=1)
+    if not agrees(ratio) or alike < SURE or before - after < GAIN:
+        return []
+    was, way, line = "motors", "times", "motor" if "q" in columns.motor else "{torque: motor}"
+    if "torque" in columns.motor:
+        was, way, line = "joints", "over", "{torque: link}"
+    evidence = (
+        f"{way} the stated gear ratios, torques are {ratio:.3g} times those of the robot model's masses (correlation "
+        f"{alike:.3f}) and {variance_falls(before - after)}: they are those of the {was}"
+    )
+    remedy = f"state the side of the gears (log: side: {line})"
+    return [Finding("error", "torque side", "", evidence, remedy, {"ratio": ratio, "correlation": alike}, OTHER_SIDE)]
+
+
+def _through_gears(subject: CheckedLog, fit: QuickFit) -> Array | None:
+    """Return what turns torques into those of the other side of the gears, shape (n, n); None without gears."""
+    robot = fit.model.robot
+    gears = (np.diag([joint.drive.gear_ratio for joint in robot.active]) @ np.asarray(robot.coupling)).T
+    if fit.conversion is not None or np.allclose(gears, np.eye(robot.dof)):
+        return None
+    return np.linalg.inv(gears) if "torque" in subject.raw.columns.motor else gears
 
 
 def _one_joint(subject: CheckedLog, found: Sequence[JointScale]) -> list[Finding]:
@@ -132,7 +171,8 @@ def _other_units(fit: QuickFit) -> list[Finding]:
     evidence = f"the robot model's masses ask for {each} times the measured torques"
     remedy = (
         "torques of the motors before their gears, or rated torques of the motors in place of the joints'? state gains "
-        "and gear ratios (drives: {JOINT: {gain: ..., gear_ratio: ...}}), or rated torques at the joints (log: rated)"
+        "and gear ratios (drives: {JOINT: {gain: ..., gear_ratio: ...}}; log: side: {torque: motor}), or rated torques "
+        "at the joints (log: rated)"
     )
     numbers = {f"ratio {name}": float(ratio) for name, ratio in zip(names, ratios[told], strict=True)}
     explains = (*CONSEQUENCES, "torque scales", "another robot", "coupling")
@@ -183,8 +223,8 @@ def _other_unit(ratio: float, alike: float, whose: str) -> list[Finding]:
         return []
     evidence = f"{whose} predicts {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"
     remedy = (
-        "another unit (log: units: {torque: mN m}), or currents or percent read as torques? name them so (log: "
-        "columns: current and drives: gain)"
+        "another unit (log: units: {torque: mN m}), torques of the other side of the gears (log: side), or currents or "
+        "percent read as torques? name them so (log: columns: current and drives: gain)"
     )
     numbers = {"ratio": ratio, "correlation": alike}
     if not 1 / FAR_OFF < ratio < FAR_OFF and alike > SURE:

@@ -1,0 +1,76 @@
+"""Torques of bodies whose links move otherwise than the log says: elastic gears, other zeros, a clock, a late torque.
+
+Each is linear in its figure for a small one, a column of the fit. With a figure the column is a secant: that figure
+times it is the torque that is added, however large.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.data.log import Log
+from dynident.identification.problem.regressor_stream import RegressorStream
+
+#: Steps of the finite differences: of positions in rad or m, and by the clock, a share.
+SHIFT, CLOCK_STEP = 1e-3, 1e-3
+
+
+@dataclass(frozen=True)
+class BodiesInMotion:
+    """A motion and the bodies that make it.
+
+    Attributes:
+        regressor: What makes the rows of the robot.
+        log: The motion, of N samples.
+        bodies: Base parameters without friction, shape (b,).
+        rigid: Their torque in the motion as it was logged, shape (N, n).
+    """
+
+    regressor: RegressorStream
+    log: Log
+    bodies: Array
+    rigid: Array
+
+    @classmethod
+    def of_bodies(cls, regressor: RegressorStream, log: Log, bodies: Array) -> BodiesInMotion:
+        """Return that of bodies by their base parameters, shape (b,)."""
+        return cls(regressor, log, bodies, regressor.predict(log, bodies))
+
+    def elastic(self, joint: int, compliance: float = 0.0) -> Array:
+        """Return the torque by an elastic gear over its compliance in rad/N m or m/N, shape (N, n).
+
+        The drive, whose position is logged, is ahead of the link by the torque of the bodies over the stiffness (Spong
+        1987).
+        """
+        step = compliance or SHIFT / max(float(np.abs(self.rigid[:, joint]).max()), 1e-300)
+        behind = -step * self._moved(joint, -step * self.rigid[:, joint])[:, joint]
+        return (self._moved(joint, behind) - self.rigid) / step
+
+    def zero(self, joint: int, offset: float = 0.0) -> Array:
+        """Return the torque by positions that are larger than the logged ones, over the difference, shape (N, n)."""
+        step = offset or SHIFT
+        return (self._moved(joint, np.full(len(self.rigid), step)) - self.rigid) / step
+
+    def late(self, joint: int, delay: float = 0.0) -> Array:
+        """Return what a delay of one joint's torque adds over its seconds, shape (N, n)."""
+        column, own, time = np.zeros_like(self.rigid), self.rigid[:, joint], np.asarray(self.log.time)
+        column[:, joint] = (np.interp(time - delay, time, own) - own) / delay if delay else -np.gradient(own, time)
+        return column
+
+    def clock(self) -> Array:
+        """Return the derivative of the torque by the speed of the clock, shape (N, n)."""
+        speed = 1.0 + CLOCK_STEP
+        faster = replace(self.log, dq=np.asarray(self.log.dq) * speed, ddq=np.asarray(self.log.ddq) * speed**2)
+        return (self.regressor.predict(faster, self.bodies) - self.rigid) / CLOCK_STEP
+
+    def _moved(self, joint: int, shift: Array) -> Array:
+        """Return the torque where the position of a joint is larger by ``shift`` (N,), shape (N, n)."""
+        moved, time = {}, np.asarray(self.log.time)
+        for name in ("q", "dq", "ddq"):
+            values = np.array(getattr(self.log, name))
+            values[:, joint] += shift
+            moved[name], shift = values, np.gradient(shift, time)
+        return self.regressor.predict(replace(self.log, **moved), self.bodies)

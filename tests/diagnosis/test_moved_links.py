@@ -1,0 +1,62 @@
+"""Elastic joints, wrong zeros, hysteresis and delays of single joints: told as what they are, and silent without."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.faults.moved_links import KINDS, holds, moved
+
+from dynident.case.case import read_case
+from dynident.diagnosis.examination import examine
+from dynident.diagnosis.finding import Finding
+
+
+def told(found: list[Finding]) -> list[Finding]:
+    """Return the findings of links that are not where the log says, and of a clock or a lean that are none."""
+    names = (*KINDS.values(), "torque hysteresis", "time scale")
+    return [one for one in found if one.name in names and (one.joint or one.name == "time scale")]
+
+
+@pytest.mark.parametrize("seed", [4, 10])
+def test_elastic_joints_are_told_as_such_and_stiff_ones_are_silent(seed: int, tmp_path: Path) -> None:
+    log = moved(seed, "soft")
+    found = log.told(tmp_path)
+    assert {one.name for one in told(found)} == {"joint elasticity"} and len(told(found)) >= 3
+    assert all(holds(one, log.truth[one.joint]) for one in told(found))
+    assert not [one for one in found if one.severity != "note"]
+    assert not told(moved(seed, "right").told(tmp_path))
+
+
+@pytest.mark.parametrize("seed", [1, 11])
+def test_a_wrong_zero_is_told_with_the_line_that_mends_it(seed: int, tmp_path: Path) -> None:
+    log = moved(seed, "zero")
+    (joint,) = (name for name, value in log.truth.items() if value)
+    (zero,) = [one for one in log.told(tmp_path) if one.name == "position zero"]
+    assert zero.joint == joint and holds(zero, log.truth[joint])
+    assert zero.numbers["half_width"] < 0.02 < abs(zero.numbers["value"])
+    line = zero.remedy.split("log: ")[1].rstrip(")")
+    text = (tmp_path / "case.yaml").read_text()
+    (tmp_path / "case.yaml").write_text(text.replace("log:\n", f"log:\n  {line}\n"))
+    mended = examine(read_case(tmp_path / "case.yaml"), str(tmp_path / "run.csv")).findings
+    assert not [one for one in mended if one.name == "position zero" and abs(one.numbers["value"]) > 0.01]
+
+
+@pytest.mark.parametrize("seed", [3, 13])
+def test_a_late_torque_is_told_where_neither_friction_nor_hysteresis_explains_it(seed: int, tmp_path: Path) -> None:
+    log = moved(seed, "late")
+    (late,) = told(log.told(tmp_path))
+    assert late.name == "torque delay" and holds(late, log.truth[late.joint])
+
+
+def test_hysteresis_of_a_torque_is_no_delay(tmp_path: Path) -> None:
+    log = moved(2, "right")
+    tau = log.columns["tau"].copy()
+    width = 0.03 * tau[:, 0].std()
+    play = np.zeros(len(tau))
+    for k in range(1, len(tau)):
+        play[k] = np.clip(play[k - 1] + tau[k, 0] - tau[k - 1, 0], -width, width)
+    tau[:, 0] += play
+    log.columns["tau"] = tau
+    (found,) = told(log.told(tmp_path))
+    assert (found.name, found.joint) == ("torque hysteresis", next(iter(log.truth)))
+    assert found.numbers["value"] == pytest.approx(width, rel=0.5)
