@@ -16,7 +16,7 @@ from dynident.actuators.estimate import JointActuator, read_actuators, write_act
 from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.joint_fit import NO_LIMIT, JointData, JointFit, first_fit, fit_again
-from dynident.actuators.joint_load import measured_loads, measured_motion
+from dynident.actuators.joint_load import measured_loads, measured_motion, rigid_inertia
 from dynident.actuators.linear_start import REST, start_rows
 from dynident.actuators.output_error import ROUGH
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE, neutral
@@ -363,6 +363,11 @@ def test_a_robot_model_without_inertias_is_named(tmp_path: Path, robot: Robot) -
     setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")
     with pytest.raises(NotConsistent, match=r"no inertias; .*add inertial elements to the links .*are ratios"):
         identify_actuators(read_robot(str(tmp_path / "bare.urdf")), setup, logs)
+    tip = '<link name="tip"/><joint name="joint2" type="revolute"><parent link="arm"/><child link="tip"/>'
+    tip += '<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>'
+    (tmp_path / "part.urdf").write_text(PENDULUM.replace("</robot>", tip))
+    with pytest.raises(NotConsistent, match=r"no inertia of tip; .*add inertial elements"):
+        rigid_inertia(read_robot(str(tmp_path / "part.urdf")))
     (tmp_path / "light.urdf").write_text(PENDULUM.replace('mass value="0.8"', 'mass value="0"'))
     with pytest.raises(NotConsistent, match=r"no masses; .*add inertial elements"):
         identify_actuators(read_robot(str(tmp_path / "light.urdf")), setup, logs)

@@ -148,16 +148,19 @@ def rigid_inertia(robot: Robot) -> Array:
     """Return the inertial parameters of a robot model that the load is made of, shape (10 l,).
 
     Raises:
-        NotConsistent: The model has no inertias, or no masses.
+        NotConsistent: The model has no inertias, or not of all links, or no masses.
     """
     nominal, bodies = robot.nominal, [link.inertia for link in robot.links if link.inertia is not None]
     if nominal is None or not any(body.mass > 0 for body in bodies):
-        lacks = "masses" if np.any(np.abs(np.asarray(nominal, dtype=float)) > 0) else "inertias"
+        lacks = "its model has no masses" if np.any(np.abs(np.asarray(nominal, dtype=float)) > 0) else ""
+        if bodies and nominal is None:
+            names = ", ".join(link.name for link in robot.links if link.inertia is None)
+            lacks = f"its model has no inertia of {names}"
         step = (
             "the known bodies are the scale of all torques: add inertial elements to the links (mass, centre and "
             "inertia, of CAD or scales; identify --bodies frees them); without, all that a log tells are ratios"
         )
-        raise NotConsistent(f"robot '{robot.name}'", f"its model has no {lacks}", step)
+        raise NotConsistent(f"robot '{robot.name}'", lacks or "its model has no inertias", step)
     return np.asarray(nominal)
 
 
