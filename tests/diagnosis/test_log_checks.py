@@ -818,3 +818,20 @@ def test_the_motion_of_a_log_that_rests_is_no_contact(trial: Trial, tmp_path: Pa
     held = {name: np.concatenate([v, np.repeat(v[-1:], count, axis=0)]) for name, v in trial.columns.items()}
     held["t"][-count:] = trial.columns["t"][-1] + step * np.arange(1, count + 1)
     assert "contact" not in [one.name for one in trial.with_columns(**held).examined(tmp_path).findings]
+
+
+@pytest.mark.parametrize("shift", [np.pi, -np.pi / 2, 0.0, 0.4])
+def test_encoders_whose_zeros_are_half_a_turn_away_are_told_by_the_limits(
+    shift: float, trial: Trial, tmp_path: Path
+) -> None:
+    q = trial.columns["q"]
+    joints = tuple(
+        replace(joint, limits=replace(joint.limits, lower=float(own.min() - 0.05), upper=float(own.max() + 0.05)))
+        for joint, own in zip(trial.case.robot.joints, q.T, strict=True)
+    )
+    case = replace(trial.case, robot=replace(trial.case.robot, joints=joints))
+    found = replace(trial, case=case).with_columns(q=q + shift).examined(tmp_path).findings
+    told = [one for one in found if one.name == "position zero" and one.severity == "error"]
+    assert len(told) == (shift in (np.pi, -np.pi / 2))
+    assert all(("[-pi, -pi, -pi]" if shift > 0 else "[pi/2, pi/2, pi/2]") in one.remedy for one in told)
+    assert not told or "mounting" not in [one.name for one in found]

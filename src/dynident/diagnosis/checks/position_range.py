@@ -11,13 +11,16 @@ import numpy as np
 from dynident.case.evidence.positions import LARGEST_SLIDE, LARGEST_TURN, STILL, is_plausible, is_within, travel
 from dynident.data.formats._units import counted_unit
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import Finding, listed
+from dynident.diagnosis.finding import CONSEQUENCES, Finding, listed
 from dynident.identification.problem.problem import rest_speeds
 from dynident.model.robot import Joint
 
 #: Travel in rad or m up to which that of a joint at rest may be noise, and that of white noise, between its 0.5th and
 #: its 99.5th percentile, over the deviation of its steps from sample to sample, with a margin for chance.
 NOISY, WHITE = 0.02, 1.1 * 2.0 * 2.576 / np.sqrt(2.0)
+
+#: Radians beyond its limits from which a joint is no joint that was moved a little too far.
+FAR = 0.3
 
 #: Degrees of travel below which a log is of an arm at rest, in whatever unit.
 MOVES = 0.2
@@ -85,6 +88,8 @@ def _limits(subject: CheckedLog) -> list[Finding]:
     found += [_in_unit(subject, "mm", millimetres)] if millimetres else []
     if found or not beyond:
         return found
+    if turned := _of_another_zero(subject, beyond):
+        return [turned]
     remedy = "check unit, zero, sign and order of the joints (log: units, columns)"
     return [Finding("warning", "joint limits", listed(names), "; ".join(beyond), remedy, {"beyond": far})]
 
@@ -96,6 +101,31 @@ def _inverted_gears(joints: Sequence[Joint], beyond: Sequence[str]) -> Finding:
     remedy = f"a gear ratio is turns of the motor over turns of the joint: state the inverse (drives: {{{right}}})"
     explains = ("joint limits", "velocity mismatch", "velocity unit")
     return Finding("error", "gear ratio", listed([one.name for one in joints]), evidence, remedy, {}, explains)
+
+
+def _of_another_zero(subject: CheckedLog, beyond: Sequence[str]) -> Finding | None:
+    """Return that all joints keep the limits that several leave by far, had encoders their zeros half a turn away."""
+    joints, q = subject.case.robot.active, subject.sound.log.q
+    turning = [k for k, joint in enumerate(joints) if joint.kind == "revolute"]
+    low, high = q.min(axis=0), q.max(axis=0)
+    away = [max(high[k] - joints[k].limits.upper, joints[k].limits.lower - low[k]) for k in turning]
+    if sum(one > FAR for one in away) < 2:
+        return None
+    pairs = (("-pi", -np.pi), ("pi", np.pi), ("-pi/2", -np.pi / 2), ("pi/2", np.pi / 2))
+    kept = [(w, x) for w, x in pairs if all(is_within(joints[k], low[k] + x, high[k] + x) for k in turning)]
+    if not kept:
+        return None
+    word, shift = kept[0]
+    columns, names = subject.case.columns, [joints[k].name for k in turning]
+    stated = columns.zero or (0.0,) * len(columns.joints)
+    zeros = [word if not own else f"{own + shift:.6g}" for own in stated]
+    told = ", ".join(
+        new if name in names else f"{own:g}" for name, new, own in zip(columns.joints, zeros, stated, strict=True)
+    )
+    evidence = f"{'; '.join(beyond)}; with zeros {abs(shift):.4g} rad away all joints keep their limits"
+    remedy = f"state at which position each joint stands where its log says 0 (log: zero: [{told}])"
+    explains = ("joint limits", "mounting", "time scale", "position sign", "joint order", *CONSEQUENCES)
+    return Finding("error", "position zero", listed(names), evidence, remedy, {"shift": float(shift)}, explains)
 
 
 def _usual(joint: Joint) -> float:
