@@ -68,7 +68,8 @@ def payload(
     Args:
         estimate: Of the robot without it; its covariance is part of the payload's.
         logs: With the payload.
-        flange: Link or frame that the payload is stated in; empty for the tool, or the last link.
+        flange: Link or frame that the payload is stated in; empty for the tool, or the last link, or of several ends of
+            a robot that at which a payload explains the torques best.
         known: What is known before the run; None for nothing.
         rows: ``motion``; ``poses`` takes one sample from each posture at which the arm stands; ``auto`` decides.
         level: Confidence of the intervals.

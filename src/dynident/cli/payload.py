@@ -3,7 +3,8 @@
 The payload is the difference to the robot that was identified without it. What the robot's own parameters are unsure
 of, friction that may have changed since, and drive gains (where their deviations are stated) are part of its intervals.
 A log in which the arm mostly stands is read posture by posture: gravity tells mass and centre of mass only. The payload
-is stated in the frame of the flange: --flange, else the tool of the robot model, else its last link.
+is stated in the frame of the flange: --flange, else the tool of the robot model, else its last link, of a robot with
+several ends (two arms) that one at which a load explains the torques best.
 
 The exit code is 1 where the log does not tell mass and centre of mass.
 

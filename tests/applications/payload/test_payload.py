@@ -11,6 +11,7 @@ import pytest
 from arm_models import model_of
 from dynident import Estimate, FourierSeries, Inertia, Log, Robot, identify
 from dynident.applications.payload import BeforeRun, CarriedLoad, identify_payload, vendor_forms
+from dynident.applications.payload.flanges import chosen_end, ends_of
 from dynident.applications.payload.gain_doubt import variance_of_shares
 from dynident.applications.payload.possible_body import possible_body
 from dynident.applications.payload.vendor_forms import angles_zyx, forms_of, principal_axes, quaternion
@@ -19,7 +20,7 @@ from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption, LogMismatch, UnknownChoice
 from dynident.model.friction import Motion
-from dynident.model.robot import Frame, rotation_about
+from dynident.model.robot import Frame, Joint, Link, rotation_about
 
 BODY = Inertia.from_centre_of_mass(2.6, [0.05, 0.1, 0.04], np.diag([0.02, 0.015, 0.012]))
 GIVEN = Preprocessing(AsGiven(), rest="keep")
@@ -153,6 +154,52 @@ def test_the_frames_of_the_last_link_are_named_where_nothing_is_stated(robot: Ro
     assert "these frames on it: tcp, camera (--flange NAME)" in told(tcp)
     for quiet in (told(tcp, flange="camera"), told(tcp, tool="tcp"), told({"mount": frames["mount"]})):
         assert "these frames on it" not in quiet
+
+
+def two_armed(robot: Robot, other: Robot) -> Robot:
+    """Return a robot of two arms on one base."""
+    links, joints, frames = list[Link](), list[Joint](), dict[str, Frame]()
+    for side, arm in (("left", robot), ("right", other)):
+        first = len(links)
+        links += [replace(link, name=f"{side}_{link.name}") for link in arm.links]
+        parents = [joint.parent + first if joint.parent >= 0 else -1 for joint in arm.joints]
+        joints += [replace(j, name=f"{side}_{j.name}", parent=k) for j, k in zip(arm.joints, parents, strict=True)]
+        frames[f"{side}_tcp"] = Frame(len(links) - 1, np.eye(3), np.array([0.0, 0.0, 0.1]))
+    return Robot("two arms", tuple(links), tuple(joints), frames=frames)
+
+
+@pytest.mark.parametrize("arms", ["6-6", "2-6", "6-2"])
+def test_the_end_of_a_robot_of_two_arms_that_carries_the_load_is_found(
+    robot: Robot, planar_2r: Robot, arms: str
+) -> None:
+    """The last link of the file had been taken, and a load on the other arm was none."""
+    one, other = ({"6": robot, "2": planar_2r}[name] for name in arms.split("-"))
+    both = two_armed(one, other)
+    estimate = identify(model_of(both, "coulomb", "viscous", "offset"), [run_of(both, 1)], "wls", GIVEN)
+    ends = (both.links[-1].name, both.links[len(one.links) - 1].name)
+    assert ends_of(both) == ends and ends_of(one) == (one.tool or one.links[-1].name,)
+    for end in ends:
+        links = tuple(
+            replace(link, inertia=link.inertia + BODY) if link.name == end and link.inertia is not None else link
+            for link in both.links
+        )
+        found = identify_payload(estimate, [run_of(replace(both, links=links), 2)])
+        assert found.frame == found.link == end
+        assert abs(found.mass.value - 2.6) <= 1.5 * found.mass.half_width
+        text = f"of the ends of the robot the load is at {end}: "
+        assert found.remarks[0].startswith(text) and f"frames on it: {end.split('_')[0]}_tcp" in found.remarks[1]
+    empty = identify_payload(estimate, [run_of(both, 3)])
+    assert empty.frame == ends[0] and not any("ends of the robot" in one for one in empty.remarks)
+    still = both.locked({name: 0.3 for name in both.joint_names if name.startswith("right")})
+    assert ends_of(still) == (ends[1],)
+
+
+def test_ends_that_the_log_does_not_tell_apart_are_named() -> None:
+    assert chosen_end(("palm", "left", "right"), (0.0, 900.0, 899.0))[0] == "left"
+    name, (remark,) = chosen_end(("left", "right", "head"), (900.0, 905.0, 3.0))
+    assert name == "left" and "at which end of the robot the load is: left, right; " in remark
+    assert chosen_end(("left", "right"), (3.0, 12.0)) == ("left", [])
+    assert chosen_end(("left",), (900.0,)) == ("left", [])
 
 
 def test_a_run_without_payload_says_so(robot: Robot, estimate: Estimate) -> None:

@@ -23,7 +23,7 @@ class CarriedBody:
         mass: In kg.
         centre: Centre of mass in its frame, shape (3,), in m; None where it is not known.
         inertia: About the centre of mass, in the axes of its frame, shape (3, 3), in kg m^2; None where not known.
-        frame: Name of the link or frame that it is stated in; empty for the robot's tool, or its last link.
+        frame: Name of the link or frame that it is stated in; empty for the robot's tool, if it moves, or last link.
         deviation: Standard deviation of the mass, in kg.
     """
 
@@ -53,7 +53,8 @@ class CarriedBody:
 
     def frame_in(self, robot: Robot) -> str:
         """Return the name of the link or frame that it is stated in."""
-        return self.frame or robot.tool or robot.links[-1].name
+        tool = robot.frames.get(robot.tool)
+        return self.frame or (robot.tool if tool is None or tool.link >= 0 else "") or robot.links[-1].name
 
     def place(self, robot: Robot) -> tuple[int, Array, Array]:
         """Return the link that carries it, and the pose of its frame in that of the link.

@@ -63,6 +63,7 @@ class DifferenceSolution:
         transfer: T, shape (k, b).
         change: What the run adds to the robot's base parameters by the best judgement, shape (b,).
         respond: Q with change = Q (R'z - N beta) but for what is known beforehand, shape (b, b).
+        gain: By how much the unknowns lower the weighted squares, those of the robot's own error among them.
         by_robot: Covariance by the robot's own, with what weights made of an estimate of it miss, shape (k, k).
         by_known: By what is known beforehand, one part per unknown, shape (k, k, k): the first index is the unknown.
     """
@@ -72,6 +73,7 @@ class DifferenceSolution:
     transfer: Array
     change: Array
     respond: Array
+    gain: float
     by_robot: Array
     by_known: Array
 
@@ -100,6 +102,7 @@ def fit_difference(problem: Problem, weights: Array, known: RunPrior) -> Differe
     inverse = (turned / values[kept]) @ turned.T * known.sizes * known.sizes[:, None]
     transfer = inverse @ known.columns.T @ share
     x = transfer @ product + inverse @ (informed * known.means)
+    gain = float((known.columns.T @ share @ product + informed * known.means) @ x)
     own = known.covariance @ share
     respond = known.columns @ transfer + own @ (np.eye(size) - gram @ known.columns @ transfer)
     change = known.columns @ x + own @ (product - gram @ known.columns @ x)
@@ -109,7 +112,7 @@ def fit_difference(problem: Problem, weights: Array, known: RunPrior) -> Differe
     by_robot = spread @ lever.T
     missed = spread @ left @ spread.T + float(np.sum(left * known.covariance)) * by_robot
     by_robot = by_robot + (missed + missed.T) / known.degrees
-    return DifferenceSolution(np.where(open_, 0.0, x), open_, transfer, change, respond, by_robot, told)
+    return DifferenceSolution(np.where(open_, 0.0, x), open_, transfer, change, respond, gain, by_robot, told)
 
 
 def noise_covariance(

@@ -17,6 +17,7 @@ from dynident.applications.payload.difference_fit import (
     independent_covariance,
     noise_covariance,
 )
+from dynident.applications.payload.flanges import chosen_end, ends_of, frames_beside
 from dynident.applications.payload.gain_doubt import GainDoubt, gain_doubt, scaled_rows
 from dynident.applications.payload.poses import holding_friction, mostly_standing, posture_log
 from dynident.applications.payload.statement import PayloadFit, stated, unexplained
@@ -81,7 +82,8 @@ def identify_payload(
     Args:
         estimate: Of the robot without it; its covariance is part of the payload's.
         logs: Raw logs with the payload.
-        flange: Link or frame of the robot model that the payload is stated in; empty for the tool, or the last link.
+        flange: Link or frame of the robot model that the payload is stated in; empty for the tool, or the last link;
+            of a robot with several ends that at which a payload explains the torques best.
         known: What is known before the run.
         rows: ``motion``; ``poses`` takes one row from each posture at which the arm stands; ``auto`` looks.
         level: Confidence of the intervals.
@@ -94,7 +96,9 @@ def identify_payload(
         UnknownChoice: No such flange.
     """
     _check(known, rows, level)
-    place = CarriedBody(1.0, frame=flange).place(estimate.model.robot)
+    robot = estimate.model.robot
+    ends = (flange,) if flange else ends_of(robot)
+    places = [CarriedBody(1.0, frame=name).place(robot) for name in ends]
     progress("preprocessing")
     prepared = _prepared(estimate, logs, preprocessing or estimate.preprocessing)
     if rows == "auto":
@@ -102,8 +106,13 @@ def identify_payload(
     used = [posture_log(log) for log in prepared] if rows == "poses" else prepared
     gains = _gain_deviations(estimate, logs, known.gain_deviation)
     beforehand = _Beforehand(known.mass, known.mass_deviation, known.friction_share, gains)
-    run = _Run(estimate, used, rows, place, beforehand, progress)
-    return stated(run.solve(), estimate, flange, level, tuple(log.name for log in logs))
+    runs = {
+        name: _Run(estimate, used, rows, place, beforehand, progress) for name, place in zip(ends, places, strict=True)
+    }
+    gains_of = [run.gain() for run in runs.values()] if len(runs) > 1 else [0.0]
+    frame, remarks = chosen_end(ends, gains_of)
+    remarks = [] if flange else [*remarks, *frames_beside(robot, frame)]
+    return stated(runs[frame].solve(), estimate, frame, level, tuple(log.name for log in logs), tuple(remarks))
 
 
 def _gain_deviations(estimate: Estimate, logs: Sequence[Log], deviation: float | None) -> Array | None:
@@ -246,6 +255,20 @@ class _Run:
             better=self._better(fit) if unexplained(*left, estimate) is not None else None,
             loads=self._loads(fit) if self.rows == "motion" else None,
         )
+
+    def gain(self) -> float:
+        """Return by how much a payload here lowers the weighted squares, beside friction that may have changed.
+
+        The weights are those of the robot's own fit.
+        """
+        estimate, problem = self.estimate, self._problem(self.estimate.beta)
+        factors = estimate.correlation_factors if self.rows == "motion" else np.ones(estimate.model.robot.dof)
+        weights = 1.0 / (np.hypot(estimate.joint_deviations, self.floor) * np.sqrt(factors))
+        known, without = self._known(problem), slice(10, None)
+        own = {name: getattr(known, name)[without] for name in ("sizes", "means", "deviations")}
+        friction = replace(known, columns=known.columns[:, without], **own)
+        rest = fit_difference(problem, weights, friction).gain if len(self.friction) else 0.0
+        return fit_difference(problem, weights, known).gain - rest
 
     def _loads(self, fit: _Pass) -> tuple[float, float] | None:
         """Return the least and the largest load of parts of the logs, in kg; None where it may be one."""

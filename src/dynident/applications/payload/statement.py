@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.applications.payload.carried_load import IDENTIFIED, NOT_DETERMINED, WEAK, CarriedLoad, LoadParameter
+from dynident.applications.payload.flanges import likeliest
 from dynident.applications.payload.gain_doubt import GainDoubt
 from dynident.applications.payload.possible_body import possible_body
 from dynident.arrays import Array, BoolArray
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.residuals.quantiles import chi_square_tail, student_quantile
 from dynident.model.inertia import TEN, Inertia
-from dynident.model.robot import Robot
 
 #: By how much payloads of one mass differ: lever of the centre of mass and radius of gyration, in m.
 LENGTH = 0.1
@@ -27,9 +27,6 @@ FAR = 10.0
 
 #: Chance of a body as far from the ten by noise alone below which it is said.
 UNLIKELY = 0.001
-
-#: Words in the names of frames that a payload is often stated in; frames with one are offered first.
-FLANGES = ("tcp", "tool", "flange", "ee", "attachment")
 
 UNITS = (*["kg m^2"] * 6, *["kg m"] * 3, "kg")
 
@@ -66,8 +63,10 @@ class PayloadFit:
     loads: tuple[float, float] | None = None
 
 
-def stated(found: PayloadFit, estimate: Estimate, flange: str, level: float, logs: tuple[str, ...]) -> CarriedLoad:
-    """Return the payload with its intervals and verdicts."""
+def stated(
+    found: PayloadFit, estimate: Estimate, frame: str, level: float, logs: tuple[str, ...], remarks: tuple[str, ...]
+) -> CarriedLoad:
+    """Return the payload with its intervals and verdicts, in a frame of which ``remarks`` tell how it was chosen."""
     robot = estimate.model.robot
     closed = np.outer(~found.open, ~found.open)
     covariance = np.where(closed, sum(found.parts.values()), 0.0)
@@ -86,7 +85,7 @@ def stated(found: PayloadFit, estimate: Estimate, flange: str, level: float, log
     placement[:3, :3], placement[:3, 3] = rotation, translation
     pairs = zip(robot.joint_names, *found.residual, strict=True)
     return CarriedLoad(
-        frame=flange or robot.tool or robot.links[-1].name,
+        frame=frame,
         link=robot.links[link].name,
         placement=placement,
         parameters=parameters,
@@ -100,31 +99,8 @@ def stated(found: PayloadFit, estimate: Estimate, flange: str, level: float, log
         level=level,
         residual={name: (float(without), float(with_it)) for name, without, with_it in pairs},
         logs=logs,
-        remarks=(*_other_frames(found, robot, flange), *_remarks(found, estimate, parameters, distance)),
+        remarks=(*remarks, *_remarks(found, estimate, parameters, distance)),
     )
-
-
-def _other_frames(found: PayloadFit, robot: Robot, flange: str) -> list[str]:
-    """Return which frames the robot model has on the last link, where the payload is stated in that for want of one."""
-    if flange or robot.tool:
-        return []
-    last = len(robot.links) - 1
-    own = [
-        name
-        for name, frame in robot.frames.items()
-        if frame.link == last and not (np.allclose(frame.rotation, np.eye(3)) and np.allclose(frame.translation, 0.0))
-    ]
-    if not own:
-        return []
-    own = _likeliest(own)
-    named = f"{', '.join(own[:4])}{', ...' if len(own) > 4 else ''}"
-    text = f"stated in the frame of the last link, {robot.links[last].name}, which need not be the flange; "
-    return [f"{text}the robot model has these frames on it: {named} (--flange NAME)"]
-
-
-def _likeliest(frames: list[str]) -> list[str]:
-    """Return names of frames, those that a payload is often stated in first."""
-    return sorted(frames, key=lambda name: not any(word in name.lower() for word in FLANGES))
 
 
 def _degrees(found: PayloadFit, total: Array) -> Array:
@@ -202,7 +178,7 @@ def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
     if found.better is not None:
         link, rest = found.better
         own = robot.links[link].name
-        flange = next(iter(_likeliest([name for name, frame in robot.frames.items() if frame.link == link])), own)
+        flange = next(iter(likeliest([name for name, frame in robot.frames.items() if frame.link == link])), own)
         text = f"a payload on {own} explains the torques far better, that of {joint.name} to {rest[worst]:.3g} "
         remarks.insert(0, f"{text}{joint.unit}: --flange {flange}")
     return remarks

@@ -1,0 +1,76 @@
+"""Where a payload may be: the ends of the branches, of which the log tells the one; frames that it is stated in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.stats
+
+from dynident.applications.drive_gains.payload import CarriedBody
+from dynident.model.robot import Robot
+
+#: Words in the names of frames that a payload is often stated in; frames with one are offered first.
+FLANGES = ("tcp", "tool", "flange", "ee", "attachment")
+
+#: By how much the weighted squares of two ends differ by noise alone at most: ten unknowns, with a chance of 0.001.
+BY_NOISE = float(scipy.stats.chi2.isf(0.001, 10))
+
+
+def ends_of(robot: Robot) -> tuple[str, ...]:
+    """Return where a payload may be: the tool of the robot model or its last link, and the ends of other branches."""
+    first = CarriedBody(1.0)
+    beyond = {first.place(robot)[0]}
+    for i, joint in enumerate(robot.joints):
+        if joint.parent in beyond:
+            beyond.add(i)
+    parents = {joint.parent for joint in robot.joints}
+    others = (link.name for i, link in enumerate(robot.links) if i not in parents and i not in beyond)
+    return first.frame_in(robot), *others
+
+
+def chosen_end(ends: Sequence[str], gains: Sequence[float]) -> tuple[str, list[str]]:
+    """Return the end at which a payload explains the torques best, and what is to be said of it.
+
+    Args:
+        ends: Names, the first of them taken unless another is better by more than noise explains.
+        gains: By how much a payload at each lowers the weighted squares.
+    """
+    if len(ends) == 1:
+        return ends[0], []
+    best = int(np.argmax(gains))
+    open_ones = [name for name, gain in zip(ends, gains, strict=True) if gains[best] - gain <= BY_NOISE]
+    if gains[best] <= BY_NOISE:
+        return ends[0], []
+    if len(open_ones) > 1:
+        own = ends[0] if ends[0] in open_ones else ends[best]
+        text = f"the log does not tell at which end of the robot the load is: {', '.join(open_ones)}; "
+        return own, [f"{text}name it (--flange NAME)"]
+    shares = (100.0 * gain / gains[best] for gain in gains)
+    others = [f"one at {name} by {share:.2g} % of that" for name, share in zip(ends, shares, strict=True)]
+    text = f"of the ends of the robot the load is at {ends[best]}: there it lowers the weighted squares by "
+    return ends[best], [f"{text}{gains[best]:.3g}, {', '.join(np.delete(others, best))} (another: --flange NAME)"]
+
+
+def frames_beside(robot: Robot, name: str) -> list[str]:
+    """Return which frames the robot model has on a link that was taken for want of a flange."""
+    links = [link.name for link in robot.links]
+    if name not in links or name == robot.tool:
+        return []
+    at = links.index(name)
+    own = [
+        frame_name
+        for frame_name, frame in robot.frames.items()
+        if frame.link == at and not (np.allclose(frame.rotation, np.eye(3)) and np.allclose(frame.translation, 0.0))
+    ]
+    if not own:
+        return []
+    own = likeliest(own)
+    named = f"{', '.join(own[:4])}{', ...' if len(own) > 4 else ''}"
+    text = f"stated in the frame of the last link, {name}, which need not be the flange; "
+    return [f"{text}the robot model has these frames on it: {named} (--flange NAME)"]
+
+
+def likeliest(frames: list[str]) -> list[str]:
+    """Return names of frames, those that a payload is often stated in first."""
+    return sorted(frames, key=lambda name: not any(word in name.lower() for word in FLANGES))
