@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 from scipy.optimize import nnls
@@ -170,20 +169,23 @@ def limited_throughout(robot: Robot, laws: Sequence[DriveLaw], logs: Sequence[Se
     Raises:
         NotConsistent: The robot model has no inertias.
     """
-    joints = [joint for joint, law in enumerate(laws) if law.gain_is_free and math.isfinite(law.limit)]
-    costs, least = np.zeros((len(joints), len(_DELAYS), 3)), float(np.finfo(float).tiny)
-    for log in logs if joints else ():
-        motion = measured_motion(log)
+    free = [joint for joint, law in enumerate(laws) if law.gain_is_free and math.isfinite(law.limit)]
+    totals = {joint: np.zeros((len(_DELAYS), 3)) for joint in free}
+    for log in logs:
+        if not totals:
+            break
+        motion, joints = measured_motion(log), list(totals)
         targets, slopes = bodies_torques(carrying(robot, log), motion, joints=joints)
-        for (k, joint), (late, delay) in product(enumerate(joints), enumerate(_DELAYS)):
-            rows = joint_rows(log, joint, motion, delay=delay)
-            if rows is not None:
-                own = targets[:, k], slopes[:, k]
-                errors = [rows.left(kind, *own) for kind in (LIMITED, "", PROPORTIONAL)]
-                costs[k, late] += [0.5 * rows.count * math.log(max(float(np.mean(e**2)), least)) for e in errors]
-    limited, growing, proportional = costs.min(axis=1).T
-    found = (limited <= growing) & (proportional - limited > math.log(ODDS))
-    return [joint for joint, is_limited in zip(joints, found.tolist(), strict=True) if is_limited]
+        for joint, *own in zip(joints, targets.T, slopes.T, strict=True):
+            rows = [joint_rows(log, joint, motion, delay=delay) for delay in _DELAYS]
+            costs = [[row.cost(kind, *own) for kind in (LIMITED, "", PROPORTIONAL)] for row in rows if row is not None]
+            if costs:  # the joint moves
+                totals[joint] += costs
+            limited, growing, _ = totals[joint].min(axis=0).tolist()
+            if limited - growing > math.log(ODDS):  # it was below its limit
+                totals.pop(joint)
+    least = {joint: total.min(axis=0).tolist() for joint, total in totals.items()}
+    return [joint for joint, (limited, *more) in least.items() if limited <= min(more[0], more[1] - math.log(ODDS))]
 
 
 def bodies_torques(
