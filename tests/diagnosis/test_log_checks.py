@@ -160,6 +160,24 @@ def test_currents_of_unlike_gains_in_another_order_are_named(
         assert "torque order" not in [one.name for one in mended.examined(tmp_path).findings]
 
 
+@pytest.mark.parametrize(("arm", "order"), [("", (1, 0, 2)), ("", (2, 0, 1)), ("er16", (0, 2, 1, 3, 4, 5))])
+def test_columns_of_motors_in_another_order_are_named(
+    trial: Trial, arm: str, order: tuple[int, ...], tmp_path: Path
+) -> None:
+    """The torques of the joints are then in no order: each is turned by the gear of another. It was told as delays."""
+    own = virtual(read_case(arm)) if arm else trial
+    names, ratios = own.case.robot.joint_names, np.array([80.0, 25.0, 6.0, 50.0, 40.0, 30.0])[: len(order)]
+    stated = [(joint.name, joint.drive.reflected_inertia) for joint in own.case.robot.active]
+    drives = {name: Drive(float(r), inertia / r**2) for (name, inertia), r in zip(stated, ratios, strict=True)}
+    columns = replace(own.case.columns, motor=("torque",))
+    case = replace(own.case, robot=own.case.robot.with_drives(drives), columns=columns)
+    right = Trial(case, {**own.columns, "tau": own.columns["tau"] / ratios})
+    assert [one for one in right.examined(tmp_path).findings if one.severity != "note"] == []
+    found = right.with_columns(tau=right.columns["tau"][:, list(order)]).examined(tmp_path).findings[0]
+    joints = ", ".join(name for i, name in enumerate(names) if order[i] != i)
+    assert (found.severity, found.name, found.joint) == ("error", "torque order", joints)
+
+
 def test_orders_of_currents_with_and_without_their_gains_are_one_finding(trial: Trial, tmp_path: Path) -> None:
     """Of gains that hardly differ: the same finding was listed as not distinguishable from itself."""
     names, gains, order = trial.case.robot.joint_names, np.array([9.0, 2.5, 2.499]), [0, 2, 1]

@@ -13,6 +13,7 @@ from itertools import chain, combinations, pairwise
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
+from dynident.case.case import Case
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, in_order
 from dynident.diagnosis.causes.weighted_fit import Products
@@ -67,11 +68,35 @@ def feeding(share: Array, z: Array) -> BoolArray:
     return (z < FEEDS) & (share < FEEDS_SHARE)
 
 
-def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
-    """Yield the orders of the torques under which a log agrees far better, that of the positions kept."""
+def torques_of_columns(case: Case) -> Array:
+    """Return what makes torques of the numbers in their columns, shape (n, n): units, gears and couplings."""
+    robot, columns = case.robot, case.columns
+    own = columns.joints or robot.joint_names
+    units = dict(zip(own, columns.to_si("torque", np.ones((1, len(own))))[0], strict=True))
+    scales = np.diag([units.get(name, 1.0) for name in robot.joint_names])
+    if "torque" not in columns.motor:
+        return scales
+    ratios = np.diag([joint.drive.gear_ratio for joint in robot.active])
+    return (ratios @ np.asarray(robot.coupling)).T @ scales
+
+
+def torque_orders(fit: QuickFit, made: Array | None = None) -> Iterator[Interpretation]:
+    """Yield the orders of the torques under which a log agrees far better, that of the positions kept.
+
+    Args:
+        fit: Of the log.
+        made: What made torques of the columns, shape (n, n), which are exchanged before it; None for nothing.
+    """
     names, stated = fit.model.robot.joint_names, fit.solve(fit.shared).score
     plain = f"{fit.effort}s"
-    columns = {plain: fit.exchanged} | ({} if fit.conversion is None else {"currents and gains": in_order})
+    exchanged_columns = fit.exchanged
+    if made is not None and fit.conversion is None:
+        turn, back = made, np.linalg.inv(made)
+
+        def exchanged_columns(order: Sequence[int]) -> Array:
+            return turn @ in_order(order) @ back
+
+    columns = {plain: exchanged_columns} | ({} if fit.conversion is None else {"currents and gains": in_order})
     read = [(order, what, exchanged(order)) for what, exchanged in columns.items() for order in _orders(len(names))]
     mixings = np.array([mixing for *_, mixing in read]).reshape(-1, len(names), len(names))
     for (order, what, mixing), variances in zip(read, fit.variances(fit.shared, mixings), strict=True):
@@ -124,8 +149,8 @@ def _explained(fit: QuickFit, variances: Array, mixing: Array, joints: Sequence[
 class PositionReadings:
     """Signs, orders and units of the positions under which a log agrees far better; products of each are made once."""
 
-    def __init__(self, fit: QuickFit) -> None:
-        self.fit = fit
+    def __init__(self, fit: QuickFit, made: Array | None = None) -> None:
+        self.fit, self.made = fit, made
         self._names = fit.model.robot.joint_names
         self._made: dict[tuple[tuple[int, ...], tuple[float, ...]], Products] = {}
 

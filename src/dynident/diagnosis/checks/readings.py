@@ -19,6 +19,7 @@ from dynident.diagnosis.causes.column_readings import (
     PositionReadings,
     feeding,
     torque_orders,
+    torques_of_columns,
     variance_falls,
 )
 from dynident.diagnosis.causes.couplings import best_coupling
@@ -68,8 +69,8 @@ class Readings(Check):
         feeds = feeding(share, z)
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [_all_signs(subject, share, z, fit)]
-        positions = PositionReadings(fit)
-        found = _confirmed(fit, _candidates(positions, feeds), everywhere=False)
+        positions = PositionReadings(fit, torques_of_columns(subject.case))
+        found = _confirmed(positions, _candidates(positions, feeds), everywhere=False)
         scale = subject.sure_scale
         if found and scale and scale.gain > found[0][1].gain:
             found = []  # one torque of another unit upsets the others: that check tells it
@@ -108,7 +109,7 @@ def _otherwise(
     (found, misfit), fit = plain, positions.fit
     one_scale = known > 0.0 and not found
     if misfit.is_structured or misfit.is_suspected or (grave and known == 0.0):
-        others = _confirmed(fit, _of_positions(positions, feeds, everywhere=True), everywhere=True)
+        others = _confirmed(positions, _of_positions(positions, feeds, everywhere=True), everywhere=True)
         if others and others[0][1].gain > known:
             found, misfit = others, robot_misfit(fit, others[0][1].reading)
     is_poor = misfit.is_sure or misfit.is_suspected
@@ -196,11 +197,12 @@ def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[f
 
 
 def _confirmed(
-    fit: QuickFit, candidates: Iterable[Interpretation], everywhere: bool
+    positions: PositionReadings, candidates: Iterable[Interpretation], everywhere: bool
 ) -> list[tuple[float, Interpretation]]:
     """Return the best candidate and its rivals if what is found on half of the log holds on the other, else none."""
+    fit, best_of_half = positions.fit, partial(_best_reading, everywhere=everywhere, made=positions.made)
     found = _ranked(fit, candidates)
-    return found if found and predicts_unseen(fit, partial(_best_reading, everywhere=everywhere)) else []
+    return found if found and predicts_unseen(fit, best_of_half) else []
 
 
 def _scaled(fit: QuickFit) -> list[tuple[float, Interpretation]]:
@@ -215,10 +217,10 @@ def _scaled(fit: QuickFit) -> list[tuple[float, Interpretation]]:
     return found if found and predicts_unseen(fit, reading_of_half) else []
 
 
-def _best_reading(learned: QuickFit, everywhere: bool) -> ReadRows | None:
+def _best_reading(learned: QuickFit, everywhere: bool, made: Array | None) -> ReadRows | None:
     """Return what is best on the samples of a fit alone."""
     feeds = feeding(*learned.friction_power(learned.plain))
-    found = list(_candidates(PositionReadings(learned), feeds, everywhere))
+    found = list(_candidates(PositionReadings(learned, made), feeds, everywhere))
     return max(found, key=lambda each: each.gain).reading if found else None
 
 
@@ -245,7 +247,7 @@ def _candidates(positions: PositionReadings, feeds: BoolArray, everywhere: bool 
         remedy = "negate the column of the torque, or the gain (drives: {JOINT: {gain: ...}})"
         gain = fit.plain.score - solved.score
         yield Interpretation("torque sign", joints, gain, evidence, remedy, ReadRows(fit.rows, mixing))
-    yield from torque_orders(fit)
+    yield from torque_orders(fit, positions.made)
     yield from inverted_gains(fit)
     yield from _mountings(fit)
     if not signs.any():
