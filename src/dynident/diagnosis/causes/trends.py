@@ -151,17 +151,21 @@ class Trends:
 
     @cached_property
     def _searched(self) -> tuple[CauseSearch, tuple[Blame, ...]]:
-        """The search and what it has found, made again where curves are left of motions that are not the measured."""
+        """The search and what it has found, made again where curves of what was found tell more than straight lines."""
         search = self._tangents
         found = search.blames()
-        if any(blame.cause.name in CURVED for blame in found):
-            before = [blame.cause for blame in found]
-            after, _ = about_their_bodies(self._rows, before, self._made_again)
-            made = {id(old): new for old, new in zip(before, after, strict=True)}
-            causes = [made.get(id(cause), cause) for cause in search.causes]
-            search = CauseSearch(self._rows, causes, self._rows.shared)
-            found = search.blames()
-        return search, found
+        before = [blame.cause for blame in found]
+        if not any(cause.name in CURVED for cause in before):
+            return search, found
+        after, curved = about_their_bodies(self._rows, before, self._made_again)
+        numbers = {id(cause): k for k, cause in enumerate(search.causes)}
+        straight = search.fit([numbers[id(cause)] for cause in before])
+        gain = abs(float(self._rows.worth @ np.log(straight.variances / curved.variances)))
+        if chi_square_tail(gain, 1) > CHANCE:
+            return search, found
+        made = {id(old): new for old, new in zip(before, after, strict=True)}
+        search = CauseSearch(self._rows, [made.get(id(one), one) for one in search.causes], self._rows.shared)
+        return search, search.blames()
 
     @property
     def _search(self) -> CauseSearch:
