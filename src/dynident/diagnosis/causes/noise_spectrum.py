@@ -16,18 +16,23 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.identification.residuals.covariance import FEWEST_FREE
 
+#: Highest frequency over the cut-off: rows have next to no power above it.
+BAND = 2.0
+
 
 @dataclass(frozen=True)
 class NoiseSpectrum:
-    """Averages over the frequencies of some rows; F of them make half a circle.
+    """Averages over the frequencies of some rows, F of them, up to ``BAND`` times what the filter lets through.
 
     Attributes:
         left: Share of the power of a residual that the fit leaves, averaged, at each frequency, shape (n, F).
         half: Frequencies to each side that an average is over.
+        size: Frequencies of the whole circle.
     """
 
     left: Array
     half: int
+    size: int
 
     @classmethod
     def of_fit(cls, roots: Sequence[Array], counts: Array, oversampling: float) -> NoiseSpectrum:
@@ -43,12 +48,13 @@ class NoiseSpectrum:
         size = min(fast * 2 ** int(np.ceil(np.log2(2 * count / fast))) for fast in (4, 5, 6))
         passed = count / (2.0 * oversampling)
         half = max(1, round(0.5 * np.sqrt(passed) * size / count))
-        taken = np.stack([_power(_transformed(root, size)).sum(axis=0) for root in roots]) / counts[:, None]
-        return cls(np.maximum(1.0 - _averaged(taken, half), FEWEST_FREE), half)
+        count = min(size // 2 + 1, int(np.ceil(BAND * size / (2.0 * oversampling))))
+        taken = np.stack([_power(_transformed(root, size, count)).sum(axis=0) for root in roots]) / counts[:, None]
+        return cls(np.maximum(1.0 - _averaged(taken, half), FEWEST_FREE), half, size)
 
     def transformed(self, series: Array) -> Array:
         """Return the Fourier transforms of series (k, N), real and imaginary parts in turns, shape (k, 2 F)."""
-        return _transformed(series, 2 * (self.left.shape[1] - 1))
+        return _transformed(series, self.size, self.left.shape[1])
 
     def sums(self, joint: int, residuals: Array, columns: Array, ends: IntArray) -> tuple[Array, Array]:
         """Return the squares of columns of a joint, shape (k,), and the same weighed by the power of the noise.
@@ -59,9 +65,9 @@ class NoiseSpectrum:
             columns: Those of what the other columns of their fits leave of each, shape (k, 2 F).
             ends: Where the columns of each fit begin, and the last of them end, shape (m + 1,).
         """
-        size = 2 * (self.left.shape[1] - 1)
-        times = np.full(self.left.shape[1], 2.0 / size)  # the other half of the circle is the same
-        times[[0, -1]] = 1.0 / size
+        times = np.full(self.left.shape[1], 2.0 / self.size)  # the other half of the circle is the same
+        times[0] = 1.0 / self.size
+        times[self.size // 2 :] = 1.0 / self.size
         noise = _averaged(_power(residuals), self.half) / self.left[joint]
         noise /= np.maximum(noise @ times, 1e-300)[:, None]
         power, noisy = _power(columns), np.zeros(len(columns))
@@ -70,9 +76,9 @@ class NoiseSpectrum:
         return power @ times, noisy
 
 
-def _transformed(series: Array, size: int) -> Array:
-    """Return the transforms of series (k, N) at half of ``size`` frequencies, shape (k, 2 F)."""
-    return np.fft.rfft(series, size).view(float)
+def _transformed(series: Array, size: int, count: int) -> Array:
+    """Return the transforms of series (k, N) at the first ``count`` of ``size`` frequencies, shape (k, 2 F)."""
+    return np.ascontiguousarray(np.fft.rfft(series, size)[:, :count]).view(float)
 
 
 def _power(transforms: Array) -> Array:
