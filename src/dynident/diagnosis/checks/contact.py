@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +12,6 @@ from dynident.arrays import Array, BoolArray, IntArray
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity, listed
-from dynident.errors import DynidentError
 from dynident.identification.problem.regressor_stream import motion_of
 
 #: Length of a window in s, share of all windows that may be left out, and fits by which they are found.
@@ -79,11 +78,8 @@ def _spoiled(fit: QuickFit) -> tuple[BoolArray, Array, float] | None:
         before, left_out = left_out, _outliers(residual, windows)
         if not left_out.any() or np.array_equal(before, left_out):
             break
-        try:
-            rest = fit.part(~left_out if fit.counting is None else fit.counting & ~left_out)
-            residual = np.where(rows.masks, fit.residual_of(rows, rest.plain.beta), np.nan)[:, some]
-        except DynidentError:
-            return None
+        rest = fit.solve(fit.products_of(replace(rows, masks=rows.masks & ~left_out[:, None])))
+        residual = np.where(rows.masks, fit.residual_of(rows, rest.beta), np.nan)[:, some]
     if not left_out.any():
         return None
     with np.errstate(invalid="ignore"):
