@@ -376,3 +376,23 @@ def test_the_limit_of_an_actuator_in_the_model_holds_where_no_log_tells_the_torq
     write_actuators(ActuatorEstimate("pendulum", (joint,), {"robot": {"path": "arm.xml"}}), "own.json")
     assert main(["export", "own.json", "--to", "mjcf", "-o", "own.xml", "--quiet"]) == 0
     assert read_robot("own.xml").active[0].limits.effort == 2.0
+
+
+def test_friction_that_a_target_has_not_is_told_with_what_it_costs(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = read_actuators("a.json")
+    words = ["--to", "mjcf", "--no-proof", "-o", "robot.xml", "--option", "kp=4"]
+    assert main(["export", "a.json", *words]) == 0
+    assert "in the place of" not in capsys.readouterr().err
+    for folds, told in (({}, "joint1 m4"), ({"m1": 4.3e-3, "m4": 4e-4}, "joint1 m4 (held out 4.3 mrad for 0.4)")):
+        joint = replace(found.joints[0], friction="m4", folds=folds)
+        write_actuators(replace(found, joints=(joint,)), "b.json")
+        assert main(["export", "b.json", *words]) == 0
+        assert f"Coulomb and viscous friction alone, in the place of {told}" in capsys.readouterr().err
+
+
+def test_an_export_does_not_write_over_the_robot_model(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = Path("pendulum.urdf").read_bytes()
+    assert main(["export", "a.json", "--to", "urdf", "--no-proof", "-o", "pendulum.urdf", "--option", "kp=4"]) == 1
+    assert "would be overwritten" in capsys.readouterr().err and Path("pendulum.urdf").read_bytes() == before

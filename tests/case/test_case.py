@@ -501,3 +501,38 @@ def test_motors_of_slides_turn(tmp_path: Path) -> None:
     path.write_text("\n".join(head))
     with pytest.raises(DescriptionError, match="prismatic"):
         read_case(path)
+
+
+@pytest.mark.parametrize(
+    ("keys", "kp", "ratios"),
+    [
+        ("kp: [30, 60, 15]", 30.0, [1.0, 2.0, 0.5]),
+        ("kp: 30, joints: {joint2: {kp: 60}}", 30.0, [1.0, 2.0, 1.0]),
+        ("joints: {joint1: {kp: 30}, joint2: {kp: 60, error_gain: 0.2}, joint3: {kp: 30}}", 30.0, [1.0, 2.0, 1.0]),
+        ("kp: 30", 30.0, [1.0, 1.0, 1.0]),
+    ],
+)
+def test_servos_may_have_gains_of_their_own(write: Write, keys: str, kp: float, ratios: list[float]) -> None:
+    columns = "log: {columns: {time: t, q: 'q{}', q_ref: 'c{}'}}"
+    servo = read_case(write(columns, f"servo: {{law: feetech_sts3215, {keys}}}")).servo
+    plain = read_case(write(columns, "servo: {law: feetech_sts3215, kp: 30}")).servo
+    assert servo is not None and plain is not None and servo.columns.kp == kp
+    gains = np.array([0.2 if "0.2" in keys and k == 1 else one.error_gain for k, one in enumerate(plain.laws)])
+    assert [one.error_gain for one in servo.laws] == pytest.approx(gains * ratios)
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ("kp: [30, 60]", "3"),
+        ("kp: [30, 0, 30]", "above 0"),
+        ("kp: 30, joints: {joint2: {kp: -1}}", "above 0"),
+        ("kp: 'kp{}', joints: {joint2: {kp: 60}}", "none that is a number"),
+        ("joints: {joint2: {kp: 60}}", "none that is a number"),
+        ("kp: [30, 60, 30], joints: {joint2: {kp: 60}}", "beside a list"),
+    ],
+)
+def test_gains_of_servos_that_cannot_be_are_refused(write: Write, keys: str, told: str) -> None:
+    columns = "log: {columns: {time: t, q: 'q{}', q_ref: 'c{}'}}"
+    with pytest.raises(DynidentError, match=told):
+        read_case(write(columns, f"servo: {{law: feetech_sts3215, {keys}}}"))

@@ -158,7 +158,8 @@ def rigid_inertia(robot: Robot) -> Array:
             lacks = f"its model has no inertia of {names}"
         step = (
             "the known bodies are the scale of all torques: add inertial elements to the links (mass, centre and "
-            "inertia, of CAD or scales; identify --bodies frees them); without, all that a log tells are ratios"
+            "inertia, of CAD or scales; rough ones do where identify --bodies free finds them too); without, all that "
+            "a log tells are ratios"
         )
         raise NotConsistent(f"robot '{robot.name}'", lacks or "its model has no inertias", step)
     return np.asarray(nominal)

@@ -1,13 +1,13 @@
 """The key ``servo`` of a case file: position servos whose logs have commands and positions, and no torque.
 
 Keys for all joints: those of LAW_KEYS, kp, friction, enabled, supply, nominal_volts, feedforward, counts, calibration,
-payloads, and joints with a mapping of LAW_KEYS for one joint.
+payloads, and joints with a mapping of LAW_KEYS and kp for one joint.
 docs/case-file.md describes each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -67,12 +67,14 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
     names = robot.joint_names
     own = section.section("joints", names) if section.has("joints") else None
     common = _law(section, guarded(section.place("law"), lambda: preset(section.choice("law", tuple(PRESETS)))))
+    kp, gains = _gains(section, own, names)
     laws = []
-    for joint in robot.active:
+    for joint, gain in zip(robot.active, gains, strict=True):
         law = common
         if own is not None and own.has(joint.name):
-            each = own.section(joint.name, LAW_KEYS)
+            each = own.section(joint.name, (*LAW_KEYS, "kp"))
             law = _law(each, preset(each.choice("law", tuple(PRESETS))) if each.has("law") else common)
+        law = law if gain == 1.0 else law.stated({"error_gain": gain * law.error_gain})
         laws.append(law if joint.kind == "revolute" else law.for_slide())
     place = section.place("joints")
     if not np.array_equal(np.asarray(robot.coupling), np.eye(len(names))):
@@ -93,7 +95,7 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
             supply=section.text("supply", ""),
             nominal_volts=section.at_least_zero("nominal_volts", 0.0),
             added=texts(section, "feedforward"),
-            kp=_kp(section),
+            kp=kp,
             counts=section.choice("counts", tuple(COUNTS)) if section.has("counts") else "",
             ranges=_ranges(section, columns, columns.joints or names) if section.has("calibration") else (),
             payloads=_payloads(section, tuple(link.name for link in robot.links)) if section.has("payloads") else {},
@@ -179,6 +181,39 @@ def _law(section: Section, law: DriveLaw) -> DriveLaw:
     return law.stated(fields) if fields else law
 
 
+def _gains(
+    section: Section, own: Section | None, names: Sequence[str]
+) -> tuple[float | str | Mapping[str, float] | None, list[float]]:
+    """Return the position gain, and by how much that of each joint is greater, of gains for all joints or some."""
+    stated = section.value("kp") if section.has("kp") else None
+    single = {} if own is None else {name: own.section(name, (*LAW_KEYS, "kp")) for name in names if own.has(name)}
+    single = {name: _positive(each) for name, each in single.items() if each.has("kp")}
+    if isinstance(stated, list):
+        if single:
+            step = "state one number for each joint in servo: kp, or one for all and others under joints"
+            raise section.place("joints").error("kp of single joints beside a list of all", step)
+        values = section.numbers("kp", len(names)).tolist()
+        if min(values) <= 0.0:
+            raise section.place("kp").error("a gain that is not above 0", "write one number above 0 for each joint")
+        return values[0], [value / values[0] for value in values]
+    if not single:
+        return _kp(section), [1.0] * len(names)
+    kp = _kp(section) if stated is not None or len(single) < len(names) else next(iter(single.values()))
+    if not isinstance(kp, float):
+        step = (
+            "state kp as one number for the other joints; ratios of gains that logs name are error_gain of each joint"
+        )
+        raise section.place("joints").error("kp of single joints beside none that is a number", step)
+    return kp, [single.get(name, kp) / kp for name in names]
+
+
+def _positive(each: Section) -> float:
+    value = each.number("kp")
+    if value <= 0.0:
+        raise each.place("kp").error("a gain that is not above 0", "write a number above 0")
+    return value
+
+
 def _kp(section: Section) -> float | str | Mapping[str, float] | None:
     if not section.has("kp") or section.value("kp") == "unknown":
         return None
@@ -191,4 +226,6 @@ def _kp(section: Section) -> float | str | Mapping[str, float] | None:
     except Exception as error:
         if isinstance(value, str):
             return value
-        raise BadOption("servo.kp", value, "write a number, a pattern such as 'kp{}', a column, or unknown") from error
+        raise BadOption(
+            "servo.kp", value, "write a number, one for each joint, a pattern such as 'kp{}', a column, or unknown"
+        ) from error

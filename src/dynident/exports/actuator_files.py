@@ -20,6 +20,9 @@ from dynident.errors import BadOption, MissingDependency, UnknownChoice
 from dynident.exports.actuator_bodies import robot_of, set_bodies, urdf_of
 from dynident.exports.names_in_files import shown_names
 
+#: The friction that all targets have: Coulomb and viscous.
+PLAIN: Final = "m1"
+
 #: Step of an exported MuJoCo model in s.
 TIMESTEP: Final = 5e-4
 
@@ -303,6 +306,13 @@ TARGETS: Final[Mapping[str, Callable[[ActuatorEstimate, float], str]]] = {
 _WITH_BODIES: Final = (mujoco_model, urdf_dynamics)
 
 
+def _held_out(joint: JointActuator) -> str:
+    """Return the errors on held-out logs of the friction that is exported and of the one that was found, if known."""
+    errors = [1e3 * joint.folds.get(name, float("nan")) for name in (PLAIN, joint.friction)]
+    unit = "mm" if joint.slides else "mrad"
+    return f" (held out {errors[0]:.3g} {unit} for {errors[1]:.3g})" if np.all(np.isfinite(errors)) else ""
+
+
 def export_remarks(
     estimate: ActuatorEstimate, target: str, options: Mapping[str, Any] = MappingProxyType({})
 ) -> list[str]:
@@ -318,6 +328,10 @@ def export_remarks(
     for joint in estimate.joints if TARGETS.get(target) is mujoco_model else ():
         commands.setdefault(command_words(joint, stated_gain(estimate, options)), []).append(joint.name)
     found += [f"commanded velocity and torque of {', '.join(own)}: {words}" for words, own in commands.items() if words]
+    richer = [joint for joint in estimate.joints if joint.friction != PLAIN]
+    if richer:
+        told = [f"{joint.name} {joint.friction}{_held_out(joint)}" for joint in richer]
+        found.append(f"exported is the fit with Coulomb and viscous friction alone, in the place of {'; '.join(told)}")
     unknown = [joint.name for joint in estimate.joints if not np.isfinite(simulator_joint(joint, 1.0).largest_torque)]
     if unknown:
         limit = "the effort limit of the robot model holds" if has_model else "none is written"
