@@ -113,7 +113,8 @@ class NominalBodies(KnownBodies):
         """
         parts = np.stack([self.common, np.ones(len(left))])
         squares, counts = parts @ (off / variances) ** 2, parts @ ((1.0 - left / variances) / variances)
-        return np.maximum(shares * np.sqrt(squares / np.maximum(counts, 1e-300)), LEAST)
+        least = 1e-12 * (parts @ (1.0 / variances))  # logs without noise tell next to nothing of them
+        return np.maximum(shares * np.sqrt(squares / np.maximum(counts, least)), LEAST)
 
     def surprise(self, variances: Array, off: Array, fitted: float) -> float:
         """Return the same for the marginal likelihood; ``fitted`` is the log determinant of all that was fitted."""
