@@ -37,9 +37,11 @@ LAW_KEYS = (
     "full_torque",
 )
 
+#: Keys for one joint.
+JOINT_KEYS = (*LAW_KEYS, "kp")
+
 KEYS = (
-    *LAW_KEYS,
-    "kp",
+    *JOINT_KEYS,
     "friction",
     "enabled",
     "supply",
@@ -72,7 +74,7 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
     for joint, gain in zip(robot.active, gains, strict=True):
         law = common
         if own is not None and own.has(joint.name):
-            each = own.section(joint.name, (*LAW_KEYS, "kp"))
+            each = own.section(joint.name, JOINT_KEYS)
             law = _law(each, preset(each.choice("law", tuple(PRESETS))) if each.has("law") else common)
         law = law if gain == 1.0 else law.stated({"error_gain": gain * law.error_gain})
         laws.append(law if joint.kind == "revolute" else law.for_slide())
@@ -186,7 +188,7 @@ def _gains(
 ) -> tuple[float | str | Mapping[str, float] | None, list[float]]:
     """Return the position gain, and by how much that of each joint is greater, of gains for all joints or some."""
     stated = section.value("kp") if section.has("kp") else None
-    single = {} if own is None else {name: own.section(name, (*LAW_KEYS, "kp")) for name in names if own.has(name)}
+    single = {} if own is None else {name: own.section(name, JOINT_KEYS) for name in names if own.has(name)}
     single = {name: _positive(each) for name, each in single.items() if each.has("kp")}
     if isinstance(stated, list):
         if single:

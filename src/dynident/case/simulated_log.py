@@ -15,6 +15,7 @@ from dynident.data.formats import ColumnMap
 from dynident.data.formats._column_map import NUMBERED, QUANTITY, RATED
 from dynident.data.formats._units import counted_unit, unit_of
 from dynident.data.log import Log
+from dynident.data.motor_side import gears_of
 from dynident.errors import BadOption, MissingDependency
 from dynident.files import write_atomically
 from dynident.model.robot import Robot
@@ -40,7 +41,7 @@ def case_columns(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str
         robot: The robot, locked joints merged.
         locked: Positions of the locked joints.
     """
-    gears = np.diag([joint.drive.gear_ratio for joint in robot.active]) @ np.asarray(robot.coupling)
+    gears = gears_of(robot)
     zero = dict(zip(columns.joints, columns.zero, strict=True)) if columns.zero else {}
     shift = np.array([zero.get(name, 0.0) for name in log.joints])
     joints = columns.joints or log.joints

@@ -188,7 +188,7 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     _refuse(options, _OF_OTHERS, f"{options.file} holds actuators; leave it out")
     estimate = read_actuators(options.file)
     model = str(dict(estimate.provenance.get("robot", {})).get("path", ""))
-    check_outputs((options.output,), (options.file, *filter(None, [model])))
+    check_outputs((options.output,), (options.file, model))
     text = actuator_file(estimate, options.to, stated)
     differences = None if options.no_proof else simulated_differences(estimate, options.to, stated)
     if not options.check:

@@ -14,7 +14,7 @@ import yaml
 from defusedxml import ElementTree
 
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
-from dynident.actuators.parameters import PLACE
+from dynident.actuators.parameters import PLACE, unit_for
 from dynident.actuators.verdict import lacks_scale
 from dynident.errors import BadOption, MissingDependency, UnknownChoice
 from dynident.exports.actuator_bodies import robot_of, set_bodies, urdf_of
@@ -309,7 +309,7 @@ _WITH_BODIES: Final = (mujoco_model, urdf_dynamics)
 def _held_out(joint: JointActuator) -> str:
     """Return the errors on held-out logs of the friction that is exported and of the one that was found, if known."""
     errors = [1e3 * joint.folds.get(name, float("nan")) for name in (PLAIN, joint.friction)]
-    unit = "mm" if joint.slides else "mrad"
+    unit = unit_for("mrad", joint.slides)
     return f" (held out {errors[0]:.3g} {unit} for {errors[1]:.3g})" if np.all(np.isfinite(errors)) else ""
 
 

@@ -322,10 +322,8 @@ def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
         seconds = found.to_seconds
         ratio = _velocity_ratio(first.time * seconds, first.signals["q"] * factors, first.signals["dq"])
         stated = stated_unit(found, "dq")
-        certain, in_stated = (
-            found.units["position"].certain,
-            ratio * (factor_of("velocity", stated) if stated else np.nan),
-        )
+        certain = found.units["position"].certain
+        in_stated = ratio * factor_of("velocity", stated) if stated else np.nan
         if is_near(ratio) and certain:
             words = {"m": "m/s", "mm": "m/s"}
             told = tuple(words.get(word, "rad/s") for word in found.units["position"].words)

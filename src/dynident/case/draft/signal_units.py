@@ -84,9 +84,7 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence
         telling = bool(np.any(spans[mine] >= np.minimum(_TELLING, _SHARE * widths)))
         if said and fits[said]:
             word, sure, why = said, True, f"the header states {said}, and the limits of the joints agree"
-        elif (
-            said and not fits[si] and not fits[other] and _fits(q[:, mine] * factor_of("position", said), own, _BEYOND)
-        ):
+        elif said and not fits[si] and not fits[other] and _fits(q[:, mine] * factors[said], own, _BEYOND):
             word, sure, why = said, True, f"the header states {said}; values reach beyond the limits of the joints"
         elif fits[si] and not said and telling:
             word, sure = si, True

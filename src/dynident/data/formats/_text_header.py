@@ -22,7 +22,7 @@ DELIMITERS: dict[str | None, str] = {"\t": "tab", ";": "semicolon", ",": "comma"
 #: A cell that is a number, with a decimal point.
 NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 
-#: A time that reads one way only: date and time by ISO 8601 or with the day before points, or a time of day.
+#: A time that reads one way only: by ISO 8601, with the day before points, or a time of day; and a date alone.
 _STAMP = re.compile(r"(?:\d{4}-\d\d-\d\d[T ]|\d\d\.\d\d\.\d{4} )?\d?\d:\d\d:\d\d(?!\d|:)", re.ASCII)
 DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.]\d{4}", re.ASCII)
 

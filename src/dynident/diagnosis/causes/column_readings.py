@@ -14,6 +14,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.case.case import Case
+from dynident.data.motor_side import gears_of
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, in_order
 from dynident.diagnosis.causes.weighted_fit import Products
@@ -74,10 +75,7 @@ def torques_of_columns(case: Case) -> Array:
     own = columns.joints or robot.joint_names
     units = dict(zip(own, columns.to_si("torque", np.ones((1, len(own))))[0], strict=True))
     scales = np.diag([units.get(name, 1.0) for name in robot.joint_names])
-    if "torque" not in columns.motor:
-        return scales
-    ratios = np.diag([joint.drive.gear_ratio for joint in robot.active])
-    return (ratios @ np.asarray(robot.coupling)).T @ scales
+    return gears_of(robot).T @ scales if "torque" in columns.motor else scales
 
 
 def torque_orders(fit: QuickFit, made: Array | None = None) -> Iterator[Interpretation]:
@@ -152,7 +150,7 @@ class PositionReadings:
     def __init__(self, fit: QuickFit, made: Array | None = None) -> None:
         self.fit, self.made = fit, made
         self._names = fit.model.robot.joint_names
-        self._made: dict[tuple[tuple[int, ...], tuple[float, ...]], Products] = {}
+        self._products: dict[tuple[tuple[int, ...], tuple[float, ...]], Products] = {}
 
     def found(self, wrong: BoolArray, feeds: BoolArray) -> Iterator[Interpretation]:
         """Yield the readings under which the log agrees far better.
@@ -202,9 +200,9 @@ class PositionReadings:
     ) -> Iterator[Interpretation]:
         """Yield what columns of positions in an order, times ``factors`` (n,), explain, where that is enough."""
         fit, key = self.fit, (order, tuple(factors.tolist()))
-        if key not in self._made:
-            self._made[key] = fit.products_of(self._rows(*key))
-        solved = fit.solve(self._made[key], mixing)
+        if key not in self._products:
+            self._products[key] = fit.products_of(self._rows(*key))
+        solved = fit.solve(self._products[key], mixing)
         gain = fit.plain.score - solved.score
         if gain > least and not feeding(*fit.friction_power(solved)).any():
             reading = ReadRows(self._rows(*key), np.eye(len(factors)) if mixing is None else mixing)

@@ -48,8 +48,8 @@ class NoiseSpectrum:
         size = min(fast * 2 ** int(np.ceil(np.log2(2 * count / fast))) for fast in (4, 5, 6))
         passed = count / (2.0 * oversampling)
         half = max(1, round(0.5 * np.sqrt(passed) * size / count))
-        count = min(size // 2 + 1, int(np.ceil(BAND * size / (2.0 * oversampling))))
-        taken = np.stack([_power(_transformed(root, size, count)).sum(axis=0) for root in roots]) / counts[:, None]
+        kept = min(size // 2 + 1, int(np.ceil(BAND * size / (2.0 * oversampling))))
+        taken = np.stack([_power(_transformed(root, size, kept)).sum(axis=0) for root in roots]) / counts[:, None]
         return cls(np.maximum(1.0 - _averaged(taken, half), FEWEST_FREE), half, size)
 
     def transformed(self, series: Array) -> Array:

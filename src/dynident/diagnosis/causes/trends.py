@@ -122,12 +122,6 @@ class Trends:
         return self._slope(self.fit.regressor.predict(self._log, self.fit.plain.beta))
 
     @cached_property
-    def _lags(self) -> CauseSearch:
-        names, slope = self.fit.model.robot.joint_names, self._late
-        every = [_cause("lag", name, self._at_joint(i, slope[:, i])) for i, name in enumerate(names)]
-        return CauseSearch(self._rows, [*self.causes, *self._filtered(every)], self._rows.shared)
-
-    @cached_property
     def _beside_frames(self) -> tuple[Blame, ...]:
         return blames_beside_frames(self.fit, self._rows, self.causes, self._error)
 

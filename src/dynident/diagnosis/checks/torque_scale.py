@@ -10,6 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.evidence.torques import EXPLAINED, OFF, agrees, scale_against
+from dynident.data.motor_side import gears_of
 from dynident.diagnosis.causes.column_readings import GAIN, variance_falls
 from dynident.diagnosis.causes.known_bodies import KnownBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
@@ -87,7 +88,7 @@ def _other_side(subject: CheckedLog, fit: QuickFit) -> list[Finding]:
 def _through_gears(subject: CheckedLog, fit: QuickFit) -> Array | None:
     """Return what turns torques into those of the other side of the gears, shape (n, n); None without gears."""
     robot = fit.model.robot
-    gears = (np.diag([joint.drive.gear_ratio for joint in robot.active]) @ np.asarray(robot.coupling)).T
+    gears = gears_of(robot).T
     if fit.conversion is not None or np.allclose(gears, np.eye(robot.dof)):
         return None
     return np.linalg.inv(gears) if "torque" in subject.raw.columns.motor else gears

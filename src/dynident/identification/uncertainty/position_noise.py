@@ -35,11 +35,8 @@ MATTERS = 0.3
 #: Share of the bound of :func:`_may_matter` that biases reach: 0.29 at most (cut-offs 3 to 40 Hz, 1e-6 to 1e-3 rad).
 REACHED = 0.3
 
-#: Share of noise in the information on a direction up to which it is taken out.
-MOST = 0.95
-
-#: The same up to which its first order is believed.
-BELIEVED = 0.5
+#: Share of noise in the information on a direction up to which it is taken out, and its first order is believed.
+MOST, BELIEVED = 0.95, 0.5
 
 #: Share of the bias that is left at least: half stayed where noise of the speeds is wider than the sign of friction.
 LEFT = 0.5
@@ -85,11 +82,8 @@ def without_noise(
             estimate, problem = fit(clean, estimator), clean
     except DynidentError:  # positions that cannot be prepared with more noise, or a fit without a checked solution
         return estimate, problem
-    found = NoiseBias(
-        tuple(np.sqrt(np.mean([np.mean(each**2, axis=0) for each in noise], axis=0)).tolist()),
-        tuple(bias.tolist()),
-        left,
-    )
+    sizes = np.sqrt(np.mean([np.mean(each**2, axis=0) for each in noise], axis=0))
+    found = NoiseBias(tuple(sizes.tolist()), tuple(bias.tolist()), left)
     grown = spread if left < 1.0 else np.eye(len(bias))
     covariance = grown @ estimate.covariance @ grown.T + left**2 * np.outer(bias, bias)
     return replace(estimate, covariance=covariance, choices=replace(estimate.choices, position_noise=found)), problem
