@@ -10,7 +10,8 @@ import numpy as np
 
 from benchmarks.faults.kinds import Kind
 from benchmarks.faults.trials import Trial
-from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.errors import DynidentError
 
 #: The smallest strength moves the held-out error, or an identified parameter, by this share.

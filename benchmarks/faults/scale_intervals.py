@@ -23,7 +23,8 @@ from benchmarks.faults.clean import log, robot, written
 from benchmarks.faults.trials import Trial, tracked
 from benchmarks.strangers.plant import Body, urdf
 from dynident.case.case import read_case
-from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.causes.torque_scales import SHARP, JointScale, joint_scales
 
 ARMS = 100

@@ -32,8 +32,9 @@ from dynident.diagnosis.causes.cause_search import Blame, Cause
 from dynident.diagnosis.causes.column_readings import PositionReadings
 from dynident.diagnosis.causes.held_out import halves
 from dynident.diagnosis.causes.known_bodies import NominalBodies
-from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
+from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.checks import CHECKS, readings
 from dynident.diagnosis.checks.cells import held_at
@@ -297,10 +298,10 @@ def test_the_other_search_is_left_out_only_where_it_would_lose(case: Case, sampl
     subject = subject_of(virtual(case, rate=RATE, delay=samples / RATE), tmp_path)
     fit, trends = subject.fit, subject.trends
     assert fit is not None and trends is not None
-    both = [Trends(replace(fit, how=replace(fit.how, delay_s=late))) for late in (None, samples / RATE or 0.01)]
+    both = [Trends(fit), Trends(fit.delayed(samples / RATE or 0.01), Trends(fit))]
     assert all(one.least_criterion <= one.criterion for one in both)
     if samples:
-        assert trends.fit.how.delay_s == pytest.approx(samples / RATE, abs=1e-4)
+        assert trends.fit.late_s == pytest.approx(samples / RATE, abs=1e-4)
         assert both[1].criterion < both[0].least_criterion
 
 

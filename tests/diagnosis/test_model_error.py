@@ -21,7 +21,7 @@ from dynident.diagnosis.causes.cause_search import CLOSE, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import MOVED, TURNED, displaced_torques, frame_errors
 from dynident.diagnosis.causes.known_bodies import KnownBodies
 from dynident.diagnosis.causes.model_error import INDEPENDENT, ModelError
-from dynident.diagnosis.causes.quick_fit import quick_fit
+from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.causes.torque_scales import joint_scales
 from dynident.diagnosis.checks.residual_trends import ResidualTrends
 from dynident.model.dynamic_model import DynamicModel

@@ -10,7 +10,8 @@ from benchmarks.faults.trials import Trial, virtual
 
 from dynident.case.case import Case
 from dynident.diagnosis.causes.pooled_logs import pooled_fit, pooled_logs
-from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.examination import examine, examine_logs
 from dynident.diagnosis.verdict import Verdict, check_warnings, logs_apart
 from dynident.model.friction import Motion

@@ -13,7 +13,7 @@ from benchmarks.strangers.plant import Body, cylinder, urdf, waves
 
 from dynident.case.case import read_case
 from dynident.diagnosis.causes.couplings import CoupledRows
-from dynident.diagnosis.causes.quick_fit import quick_fit
+from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.finding import Finding
 
 pinocchio = pytest.importorskip("pinocchio")

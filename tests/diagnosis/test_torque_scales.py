@@ -14,9 +14,10 @@ from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.body_consistency import BEYOND, inconsistency
-from dynident.diagnosis.causes.quick_fit import QuickFit, asked_inertias, quick_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.thin_fit import asked_inertias, quick_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, mixing_of, other_scales
-from dynident.diagnosis.checks import CHECKS, link_consistency
+from dynident.diagnosis.checks import CHECKS
 from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.checks.torque_scale import against_nominal
 from dynident.diagnosis.finding import Finding
@@ -231,7 +232,7 @@ def test_links_are_not_told_for_friction_that_the_case_lacks(
 
     found, _ = told(seed, tmp_path)
     assert "inconsistent links" not in [one.name for one in found]
-    monkeypatch.setattr(link_consistency, "replace", lambda fit, **_: fit)  # nothing is taken off
+    monkeypatch.setattr(QuickFit, "explained_by", lambda fit, torque: fit)  # nothing is taken off
     found, _ = told(seed, tmp_path)
     assert "inconsistent links" in [one.name for one in found]
 

@@ -11,7 +11,7 @@ from dynident.api.named_logs import logs_named
 from dynident.case.case_draft import Draft, draft_case, told_gravity
 from dynident.data.log_places import is_address
 from dynident.diagnosis.causes.gravity_direction import followed_gravity
-from dynident.diagnosis.causes.quick_fit import quick_fit
+from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.errors import BadArgument, BadOption
 from dynident.files import resolved
 from dynident.model.dynamic_model import DynamicModel

@@ -45,7 +45,7 @@ class NoiseSpectrum:
             oversampling: Rows for each that is independent where noise is white before the filter.
         """
         count = roots[0].shape[1]
-        size = min(fast * 2 ** int(np.ceil(np.log2(2 * count / fast))) for fast in (4, 5, 6))
+        size = min(fast * 2 ** int(np.ceil(np.log2(count / fast))) for fast in (4, 5, 6))
         passed = count / (2.0 * oversampling)
         half = max(1, round(0.5 * np.sqrt(passed) * size / count))
         kept = min(size // 2 + 1, int(np.ceil(BAND * size / (2.0 * oversampling))))

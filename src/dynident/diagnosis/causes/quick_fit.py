@@ -15,10 +15,9 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.case.case import Case
 from dynident.data.log import Log
-from dynident.data.preprocessing import FILTERS, Prepared, Preprocessing, preprocess, resample
-from dynident.data.preprocessing._zero_phase import low_passed
+from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
+from dynident.data.preprocessing._local_polynomials import fractional_shift
 from dynident.diagnosis.causes.weighted_fit import (
     EXACT,
     Products,
@@ -28,31 +27,21 @@ from dynident.diagnosis.causes.weighted_fit import (
     weighted_variances,
 )
 from dynident.errors import DynidentError
-from dynident.identification.problem.problem import counting_rows, speed_scales
+from dynident.identification.problem.problem import counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of, target_torque
 from dynident.identification.residuals.covariance import correlation_factors
-from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Friction, default_friction
-from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.reduction import triangle_of
-from dynident.model.robot import Robot
 
-#: Cut-off of both sides in Hz at most, and samples kept a second per Hz of it.
-CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
+#: Rows a second per Hz of the cut-off.
+ROWS_PER_HZ = 8.0
 
 #: Rows for each that is independent: a band of f Hz has 2 f values a second.
 OVERSAMPLING = ROWS_PER_HZ / 2.0
 
-#: Samples a second per Hz of the cut-off before the filter.
-SAMPLES_PER_HZ = 20.0
-
 #: Rows of a joint below which nothing is said.
 FEWEST_ROWS = 30
-
-#: Models whose base parameters are kept, and these, the last first.
-KEPT = 4
-_known: list[tuple[Robot, tuple[Friction, ...], BaseParameters]] = []
 
 
 @dataclass(frozen=True)
@@ -95,6 +84,8 @@ class QuickFit:
         explained: Torque that has another cause than the model and is taken off, shape (N, n); None for none.
         starts: When each of the logs begins that are one here, in s, shape (L,).
         conversion: What turns currents into these torques, N m (or N) per A, shape (n, n); None for logged torques.
+        late_s: Delay of the torque in s that is taken off: each row has the torque of so much later.
+        made: All rows of the log, which another fit of it has made; None where there are none.
     """
 
     model: DynamicModel
@@ -105,10 +96,21 @@ class QuickFit:
     explained: Array | None = None
     starts: Array = field(default_factory=lambda: np.zeros(1))
     conversion: Array | None = None
+    late_s: float = 0.0
+    made: FitRows | None = None
 
     def part(self, counting: BoolArray) -> QuickFit:
         """Return the fit of some of the rows, shape (N,)."""
-        return replace(self, counting=counting)
+        return replace(self, counting=counting, made=self._every)
+
+    def explained_by(self, torque: Array) -> QuickFit:
+        """Return the fit of what another cause than the model, a torque (N, n), leaves."""
+        return replace(self, explained=torque, made=self._every)
+
+    def delayed(self, seconds: float) -> QuickFit:
+        """Return the fit with the torque of so many seconds later."""
+        late = replace(self, late_s=seconds)
+        return replace(late, made=replace(self._every, torque=late._torque(self._every.prepared)))
 
     def clock(self, time: Array) -> Array:
         """Return times (N,) in s since their own log began, shape (N,)."""
@@ -127,8 +129,15 @@ class QuickFit:
     @cached_property
     def rows(self) -> FitRows:
         """The rows as the case reads them."""
-        rows = self.rows_of(self.log)
+        rows = self._every if self.counting is None else self._counted(self._every)
         return rows if self.explained is None else replace(rows, torque=rows.torque - self.explained)
+
+    @cached_property
+    def _every(self) -> FitRows:
+        return self.made or self._rows(preprocess(self.log, self.how), self.regressor)
+
+    def _counted(self, rows: FitRows) -> FitRows:
+        return rows if self.counting is None else replace(rows, masks=rows.masks & self.counting[:, None])
 
     @cached_property
     def has_rows_enough(self) -> bool:
@@ -150,21 +159,25 @@ class QuickFit:
 
     def rows_of(self, log: Log) -> FitRows:
         """Return the rows of another reading of the log."""
-        return self._rows(preprocess(log, self.how), self.regressor)
+        return self._counted(self._rows(preprocess(log, self.how), self.regressor))
 
     def rows_under(self, regressor: RegressorStream) -> FitRows:
         """Return the rows of a robot that differs in its gravity alone."""
-        return self._rows(self.rows.prepared, regressor)
+        return self._counted(self._rows(self.rows.prepared, regressor))
 
     def _rows(self, prepared: Prepared, regressor: RegressorStream) -> FitRows:
         model = self.model
         blocks = tuple(np.asarray(part[:-1]).T for part in regressor.rows(prepared))
-        torque = np.asarray(prepared.log.torque)[prepared.keep]
-        known = torque - target_torque(model, prepared)[prepared.keep]
+        known = (np.asarray(prepared.log.torque) - target_torque(model, prepared))[prepared.keep]
         masks = counting_rows(model, prepared)
-        if self.counting is not None:
-            masks = masks & self.counting[:, None]
-        return FitRows(blocks, regressor.columns, torque, known, masks, prepared)
+        return FitRows(blocks, regressor.columns, self._torque(prepared), known, masks, prepared)
+
+    def _torque(self, prepared: Prepared) -> Array:
+        """Return the torque that belongs to each kept row, shape (N, n)."""
+        torque = np.asarray(prepared.log.torque)
+        if not self.late_s:
+            return torque[prepared.keep]
+        return fractional_shift(torque, -self.late_s * prepared.log.rate, prepared.keep)
 
     @cached_property
     def triangles(self) -> Triangles:
@@ -286,104 +299,3 @@ def gravity_observers(model: DynamicModel, base: BaseParameters) -> tuple[Regres
 def in_order(order: Sequence[int]) -> Array:
     """Return the matrix that puts columns in an order, shape (n, n)."""
     return np.eye(len(order))[list(order)]
-
-
-def quick_fit(case: Case, log: Log) -> QuickFit | None:
-    """Return the fit of a sound log; None where it has no torques or is too short for one."""
-    found = thin_fit(case, log)
-    return found if found is not None and found.has_rows_enough else None
-
-
-def thin_fit(case: Case, log: Log) -> QuickFit | None:
-    """Return the fit of a sound log, of which no rows are made yet; None where it has no torques or no uniform time."""
-    if log.torque is None:
-        return None
-    known = {joint.name for joint in case.robot.active if joint.drive.reflected_inertia}
-    rotors = tuple(name for name in case.robot.joint_names if name in known | asked_inertias(case))
-    own = {FRICTION.name_of(part): part for part in case.friction if part.joints is None and part.is_default}
-    parts = [own.get(name) or FRICTION.make(name) for name in default_friction()]
-    friction = [each for part in parts for each in _by_kind(part, case.robot)]
-    if rotors:
-        friction.append(RotorInertia(joints=None if len(rotors) == case.robot.dof else rotors))
-    friction += _stated_springs(case)
-    model = DynamicModel(_without_rotors(case.robot) if known else case.robot, tuple(friction))
-    cutoff = min(CUTOFF_HZ, case.preprocessing.filter.bandwidth() or CUTOFF_HZ)
-    how = Preprocessing(
-        FILTERS.make("butterworth", {"cutoff_hz": cutoff}),
-        rate_hz=ROWS_PER_HZ * cutoff,
-        trim_s=max(case.preprocessing.trim_s, 1.0 / cutoff),
-        standstill=max(case.preprocessing.standstill, 0.01),
-    )
-    try:
-        thin = thinned_log(log, SAMPLES_PER_HZ * cutoff, case.preprocessing.longest_gap_s)
-        return QuickFit(model, base_of(model), thin, how, conversion=_conversion(case.robot, log))
-    except DynidentError:
-        return None
-
-
-def _conversion(robot: Robot, log: Log) -> Array | None:
-    """Return what turned the currents of a log into its torques, shape (n, n); None where these were logged."""
-    gains = np.array([np.nan if joint.drive.gain is None else joint.drive.gain for joint in robot.active])
-    if log.current is None or log.torque is None or not np.all(gains != 0.0) or np.isnan(gains).any():
-        return None
-    found = np.asarray(robot.coupling).T * gains
-    return found if np.allclose(log.current @ found.T, log.torque, equal_nan=True) else None
-
-
-def base_of(model: DynamicModel) -> BaseParameters:
-    """Return the base parameters of a model; logs of one case have the same robot, for which they are found once."""
-    for robot, friction, base in _known:
-        if robot is model.robot and friction == model.friction:
-            return base
-    base = base_parameters(model)
-    _known[:] = [(model.robot, model.friction, base), *_known[: KEPT - 1]]
-    return base
-
-
-def _by_kind(part: Friction, robot: Robot) -> list[Friction]:
-    """Return a part whose speeds are for hinges, and one for each slide, which is slower; the part where none is."""
-    speeds = {name: getattr(part, name) for name, one in part.ranges.items() if one.is_speed}
-    scales = dict(zip(robot.joint_names, speed_scales(robot).tolist(), strict=True))
-    slides = [joint.name for joint in robot.active if joint.kind == "prismatic"]
-    if not slides or not speeds:
-        return [part]
-    hinges = tuple(name for name in robot.joint_names if name not in slides)
-    slow = [
-        replace(part, joints=(name,), **{key: scales[name] * speed for key, speed in speeds.items()}) for name in slides
-    ]
-    return [replace(part, joints=hinges), *slow] if hinges else slow
-
-
-def asked_inertias(case: Case) -> frozenset[str]:
-    """Return the joints for whose rotors the friction of a case has a part, or may choose one."""
-    every = case.robot.joint_names
-    parts = [every if part.joints is None else part.joints for part in case.friction if all(part.is_inertia)]
-    return frozenset(every if case.choose_friction else (name for joints in parts for name in joints))
-
-
-def beyond_quick_fit(case: Case) -> list[Friction]:
-    """Return the friction parts of a case that the quick fit has not."""
-    known = [part for part in case.friction if part.is_default or all(part.is_inertia)]
-    return [part for part in case.friction if part not in (*known, *_stated_springs(case))]
-
-
-def _stated_springs(case: Case) -> list[Friction]:
-    return [part for part in case.friction if part.is_spring and not part.is_optional]
-
-
-def _without_rotors(robot: Robot) -> Robot:
-    """Return the robot with no known rotor inertia: a known torque would not go with torques of another unit."""
-    drives = {joint.name: replace(joint.drive, rotor_inertia=0.0) for joint in robot.active}
-    return robot.with_drives(drives, robot.coupling)
-
-
-def thinned_log(log: Log, rate: float, longest_gap: float | None = None) -> Log:
-    """Return positions and torques on equal steps at about ``rate`` a second, low-passed; see :func:`resample`."""
-    plain = Log(log.joints, log.time, log.q, torque=log.torque, source=log.source)
-    even = resample(plain, longest_gap)
-    every = max(1, int(even.rate / rate))
-    if every == 1:
-        return even
-    cutoff = 0.4 * even.rate / every
-    smooth = {name: low_passed(values, 4, cutoff, even.rate) for name, values in even.signals().items()}
-    return replace(even, **smooth).rows(slice(None, None, every), f"one sample in {every}")  # type: ignore[arg-type]

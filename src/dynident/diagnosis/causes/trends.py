@@ -37,13 +37,22 @@ KEPT = 0.75
 #: Smoothing of the sign of a velocity in rad/s, of slides less.
 WIDTH = 0.02
 
+#: Another unit of one joint's torque.
+SCALE = "torque scale"
+
 
 class Trends:
     """What the residual of a quick fit follows."""
 
-    def __init__(self, fit: QuickFit, gravity_observers: Sequence[RegressorStream] | None = None) -> None:
-        self.fit = fit
-        self._gravity = gravity_observers or fit.gravity_observers
+    def __init__(self, fit: QuickFit, logged: Trends | None = None) -> None:
+        """Look at a fit.
+
+        Args:
+            fit: The fit.
+            logged: What the torque as it was logged follows in the same motion, where that of ``fit`` is another one:
+                the causes that act on the motion are the same. None where nothing was looked at yet.
+        """
+        self.fit, self._logged = fit, logged
         self._log = fit.rows.prepared.log
         coupling = np.asarray(fit.model.robot.coupling)
         self._coupling = coupling
@@ -141,7 +150,19 @@ class Trends:
 
     @cached_property
     def _tangents(self) -> CauseSearch:
-        return CauseSearch(self._rows, self._filtered(list(self._causes())), self._rows.shared)
+        return CauseSearch(self._rows, tuple(self._tried()), self._rows.shared)
+
+    def _tried(self) -> Iterator[Cause]:
+        """Yield the causes that are tried, filtered as the torques are."""
+        if self._logged is None:
+            yield from self._filtered(list(self._causes()))
+            return
+        names = self.fit.model.robot.joint_names
+        for cause in self._logged._tangents.causes:
+            if cause.name == SCALE:
+                yield replace(cause, columns=self._own_torque(names.index(cause.joint))[None])
+            elif cause.name != DELAY:  # those of some joints would take the delay of all back
+                yield cause
 
     @cached_property
     def _searched(self) -> tuple[CauseSearch, tuple[Blame, ...]]:
@@ -233,9 +254,8 @@ class Trends:
 
     def _filtered(self, found: list[Cause]) -> tuple[Cause, ...]:
         """Return causes filtered as the torques are, those that are not yet, all at once."""
-        prepared = self.fit.rows.prepared
-        columns = [cause.columns.transpose(0, 2, 1) for cause in found if not cause.is_filtered]
-        there = [column.any(axis=2) for column in columns]
+        prepared, made = self.fit.rows.prepared, [cause.columns for cause in found if not cause.is_filtered]
+        columns, there = [column.transpose(0, 2, 1) for column in made], [column.any(axis=1) for column in made]
         smooth = prepared.smooth(np.concatenate([column[at] for column, at in zip(columns, there, strict=True)]))
         ends = np.cumsum([np.count_nonzero(at) for at in there])
         filtered = zip(there, np.split(smooth[:, prepared.keep], ends[:-1]), strict=True)
@@ -282,9 +302,8 @@ class Trends:
             yield _cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
             turning = np.tanh(-late[:, i] / max(TURNING * float(late[:, i].std()), 1e-300))
             yield replace(_cause(HYSTERESIS, name, self._at_joint(i, turning)), is_positive=True)
-            yield Cause("torque scale", name, self._own_torque(i)[None], is_filtered=True)
-            if not self.fit.how.delay_s:  # else those of some joints would take the delay of all back
-                yield self._by_motion(DELAY, name, self._motion)  # of bodies: friction has columns that turn early
+            yield Cause(SCALE, name, self._own_torque(i)[None], is_filtered=True)
+            yield self._by_motion(DELAY, name, self._motion)  # of bodies: friction has columns that turn early
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
         yield _cause("friction drift", "", *warm)
         yield self._by_motion("time scale", "", self._motion)
@@ -317,9 +336,8 @@ class Trends:
 
     def _tilt(self, beta: Array) -> Cause:
         """Return the lean of the base about both axes across gravity; the first joint then carries its own link too."""
-        return _cause(
-            "tilt", "", *lean_torques(self._gravity, self._log, beta, np.asarray(self.fit.model.robot.gravity))
-        )
+        gravity = np.asarray(self.fit.model.robot.gravity)
+        return _cause("tilt", "", *lean_torques(self.fit.gravity_observers, self._log, beta, gravity))
 
 
 def lean_torques(observers: Sequence[RegressorStream], log: Log, beta: Array, gravity: Array) -> Array:

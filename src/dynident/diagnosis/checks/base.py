@@ -11,7 +11,8 @@ from typing import ClassVar
 
 from dynident.case.case import Case
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
-from dynident.diagnosis.causes.quick_fit import QuickFit, base_of, beyond_quick_fit, thin_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.thin_fit import base_of, beyond_quick_fit, thin_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, other_scales
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.finding import Finding
@@ -82,7 +83,7 @@ class CheckedLog:
         told after another step of Gauss and Newton, where its standard deviation is smaller so.
         """
         asked, trends = self._asked_delay, self.trends
-        if asked is None or trends is None or not trends.fit.how.delay_s:
+        if asked is None or trends is None or not trends.fit.late_s:
             return asked if asked is None else replace(asked, applied=0.0)
         left, std = trends.delay
         seconds = asked.applied + left * (std < asked.std)
@@ -108,11 +109,11 @@ class CheckedLog:
         """What the residual follows, the delay of the torque taken out where that explains it; None without a fit."""
         if self.fit is None:
             return None
-        plain = Trends(self.fit, self.fit.gravity_observers)
+        plain = Trends(self.fit)
         late = 0.0 if self._asked_delay is None else self._asked_delay.applied
         if not late:
             return plain
-        shifted = Trends(replace(self.fit, how=replace(self.fit.how, delay_s=late)), self.fit.gravity_observers)
+        shifted = Trends(self.fit.delayed(late), plain)
         first, second = sorted((shifted, plain), key=lambda one: one.least_criterion)
         if first.criterion <= second.least_criterion:  # whatever a search would find there
             return first

@@ -11,7 +11,7 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.case.evidence.positions import STILL, travel
 from dynident.data.log import Log, smallest_step
-from dynident.diagnosis.causes.quick_fit import CUTOFF_HZ
+from dynident.diagnosis.causes.thin_fit import CUTOFF_HZ
 from dynident.diagnosis.checks.base import ROUNDING, Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
 from dynident.diagnosis.repair import MOST_LOST, broken_rows

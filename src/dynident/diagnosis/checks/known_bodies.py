@@ -11,7 +11,7 @@ import numpy as np
 from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import KnownBodies, NominalBodies, nominal_bodies, with_rotors
-from dynident.diagnosis.causes.quick_fit import asked_inertias
+from dynident.diagnosis.causes.thin_fit import asked_inertias
 from dynident.diagnosis.causes.trend_findings import (
     NARROW,
     TOLD,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -27,8 +27,8 @@ class LinkConsistency(Check):
         found = None if subject.fit is None else inconsistency(subject.fit)
         if found is not None and subject.trends is not None:  # friction that a draft lacks moves the bodies as well
             curves = [blame for blame in subject.trends.blames if blame.cause.name == "friction curve"]
-            torque = sum(np.tensordot(blame.values, blame.cause.columns, 1) for blame in curves)
-            found = inconsistency(replace(subject.trends.fit, explained=torque)) if curves else found
+            torques = [np.tensordot(blame.values, blame.cause.columns, 1) for blame in curves]
+            found = inconsistency(subject.trends.fit.explained_by(np.sum(torques, axis=0))) if curves else found
         if found is None:
             return []
         evidence = (

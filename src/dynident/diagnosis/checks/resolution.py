@@ -11,7 +11,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.evidence.positions import FEW_VALUES, STILL, travel
 from dynident.data.log import smallest_step
-from dynident.diagnosis.causes.quick_fit import CUTOFF_HZ
+from dynident.diagnosis.causes.thin_fit import CUTOFF_HZ
 from dynident.diagnosis.checks.base import ROUNDING, Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -64,6 +64,6 @@ def with_signs(fit: QuickFit, one_sided: BoolArray) -> tuple[QuickFit, Array]:
         before, signs = signs, np.where(one_sided & (predicted * side < 0.0), -1.0, 1.0)
         if np.array_equal(before, signs):
             break
-        found = replace(fit, explained=(1.0 - signs) * rows.torque)
+        found = fit.explained_by((1.0 - signs) * rows.torque)
         predicted = found.rows.torque - found.rows.known - found.residual
     return found, np.sum((signs < 0.0) & rows.masks, axis=0) / fit.counts
