@@ -75,10 +75,6 @@ class NominalServo:
         """Return the torque at the limit of the duty, in N m or N; infinite for none."""
         return self.value("full_torque") * self.law.limit
 
-    def full_error(self, kp: float) -> float:
-        """Return the position error at which the duty is at its limit, in rad or m; infinite for none."""
-        return self.law.limit / (self.value("gain_ratio") * self.law.error_gain * kp)
-
 
 def of_estimate(actuator: JointActuator, law: DriveLaw, path: str) -> NominalServo:
     """Return the servo of an earlier estimate.

@@ -69,11 +69,6 @@ class DriveFriction:
         """Inputs that the friction depends on."""
         return frozenset(self._program(False).arrays) | frozenset(self._program(True).arrays)
 
-    @property
-    def is_dry(self) -> bool:
-        """Whether any dry friction is kept apart."""
-        return self.bristles and bool(self._program(True).outputs)
-
     def sharpness(self) -> Array:
         """Return one over the least width over which a sign of each drive turns, shape (n,); 0 without signs."""
         found = np.zeros(self.drives)

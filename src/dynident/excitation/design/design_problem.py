@@ -208,12 +208,6 @@ class DesignProblem:
         own = self.observation.triangle(motion, self.noise)
         return self.criterion.value(own if self.earlier is None else triangle_of(np.concatenate([own, self.earlier])))
 
-    def torque_use(self, x: Array) -> float:
-        """Return the greatest share of a torque bound that is used; 0 without such bounds."""
-        if self._torque_bound is None or not self._torque_bound.driven:
-            return 0.0
-        return float(self._torque_bound.shares(self.grid(x)).max())
-
     def point(self, x: Array, sharpness: float) -> Point:
         """Return objective, limits and their gradients at scaled free numbers (n m,)."""
         grid = self.grid(x)
