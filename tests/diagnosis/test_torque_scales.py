@@ -72,6 +72,16 @@ def test_several_torques_in_other_scales_are_no_other_robot(
         assert error.numbers[f"factor {name}"] == pytest.approx(1 / factor, rel=0.06)
 
 
+@pytest.mark.parametrize("joint", [1, 2])
+def test_a_gain_that_is_some_percent_off_is_a_warning(joint: int, trial: Trial, tmp_path: Path) -> None:
+    """All bodies behind the joint are off by as much, while the torques fit well."""
+    (found,) = warned(put.scaled(trial, -0.07, joint), tmp_path)
+    assert (found.severity, found.name) == ("warning", "torque scale")
+    assert found.joint == trial.case.robot.joint_names[joint]
+    assert abs(found.numbers["value"] + 0.07) < max(found.numbers["half_width"], 0.003)
+    assert not warned(trial, tmp_path)
+
+
 @pytest.mark.parametrize("times", [[1.0] * 6, [1.0, 0.6, 2.0, 0.4, 1.5, 1.0]])
 def test_torques_of_motors_before_their_gears_are_one_error(trial: Trial, times: list[float], tmp_path: Path) -> None:
     """The scale of one joint against the others and the unit of all follow from each other: one of the two is told."""

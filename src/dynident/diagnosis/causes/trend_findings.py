@@ -13,14 +13,15 @@ from dynident.diagnosis.causes.cause_search import MANY, Blame
 from dynident.diagnosis.causes.frame_search import TURNED_AXIS
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
-from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, ZERO, Trends, leaned
+from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends, leaned
 from dynident.diagnosis.finding import Finding, Severity, listed
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Joint
 
 #: Share of a joint's residual variance that a cause explains, and share of the joint's torque, or of all torques where
-#: it acts on the whole arm, that it has, from which the result suffers.
+#: it acts on the whole arm or on what all bodies behind a joint are, that it has, from which the result suffers.
 EXPLAINED, MATTERS, MATTERS_ALL = 0.5, 0.1, 0.03
+OF_BODIES = ZERO, SCALE
 
 #: A scale of one torque further off one is that of another check.
 FAR_SCALE = 0.5
@@ -159,7 +160,8 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
 
 def is_grave(blame: Blame) -> bool:
     """Return whether a cause, friction apart, explains most of a residual and is a large share of the torque."""
-    large = _size(blame) > (MATTERS if blame.cause.joint and blame.cause.name != ZERO else MATTERS_ALL)
+    matters = MATTERS if blame.cause.joint and blame.cause.name not in OF_BODIES else MATTERS_ALL
+    large = _size(blame) > matters
     return blame.share > EXPLAINED and large and blame.cause.name != "friction curve"
 
 

@@ -22,7 +22,7 @@ from dynident.diagnosis.causes.trend_findings import (
     sureness,
     trend_finding,
 )
-from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, ZERO, Trends
+from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
 
@@ -32,7 +32,7 @@ MATTERS, SURE = 0.1, 5.0
 
 #: Causes of which free bodies may give the better figure, and those that they give alone: friction, which no known
 #: bodies have, passes for a delay or an elastic joint, and errors of a robot model's centres of mass for another zero.
-FREE = ("time scale", "tilt", "rotor inertia")
+FREE = ("time scale", "tilt", "rotor inertia", SCALE)
 FREE_ALONE, FREE_OF_MODELS = (DELAY, ELASTIC, HYSTERESIS), (ZERO,)
 
 
@@ -60,7 +60,11 @@ class KnownBodiesCheck(Check):
 
 def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: str) -> list[Finding]:
     against = AgainstBodies(trends, known)
-    free = {(one.cause.name, one.cause.joint): one for one in trends.blames if one.cause.name in FREE}
+    free = {
+        (one.cause.name, one.cause.joint): one
+        for one in trends.blames
+        if one.cause.name in FREE and (one.cause.name != SCALE or believed(one, subject.trend_scale) is not None)
+    }
     frames, blames = standing(trends, against.search.blames())
     left_out = FREE_ALONE + (FREE_OF_MODELS if isinstance(known, NominalBodies) else ())
     return frames + [
@@ -85,7 +89,7 @@ def _is_better(free: Blame | None, held: Blame) -> bool:
 def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: str) -> Finding:
     """Return what is said of a cause; ``better`` is the likelier one that the log does not tell it from."""
     found = _load(blame, against) if blame.cause.name == "load at the flange" else trend_finding(blame, against.fit)
-    if blame.cause.name == "torque scale" and not blame.cause.joint and blame.size > MATTERS and sureness(blame) > SURE:
+    if blame.cause.name == SCALE and not blame.cause.joint and blame.size > MATTERS and sureness(blame) > SURE:
         found = replace(found, severity="warning")  # known bodies take a part of a scale in: no residual tells it
     if better is None:
         return replace(found, evidence=words + found.evidence)
