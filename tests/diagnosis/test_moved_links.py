@@ -1,4 +1,4 @@
-"""Elastic joints, wrong zeros, hysteresis and delays of single joints: told as what they are, and silent without."""
+"""Elastic joints, wrong zeros, hysteresis, delays and ripple of single joints: told as what they are, else silence."""
 
 from pathlib import Path
 
@@ -46,6 +46,19 @@ def test_a_late_torque_is_told_where_neither_friction_nor_hysteresis_explains_it
     log = moved(seed, "late")
     (late,) = told(log.told(tmp_path))
     assert late.name == "torque delay" and holds(late, log.truth[late.joint])
+
+
+@pytest.mark.parametrize("seed", [9, 29])
+def test_a_ripple_is_told_with_the_friction_part_that_models_it(seed: int, tmp_path: Path) -> None:
+    log = moved(seed, "ripple")
+    (joint,) = (name for name, value in log.truth.items() if value)
+    (ripple,) = told(log.told(tmp_path))
+    assert ripple.joint == joint and holds(ripple, log.truth[joint], log.cycles)
+    assert f"periodic: {{joints: [{joint}], cycles: {log.cycles:g}}}" in ripple.remedy
+    part = ripple.remedy.split("add ")[1].split(" to friction")[0]
+    text = (tmp_path / "case.yaml").read_text()
+    (tmp_path / "case.yaml").write_text(text.replace("friction:\n", f"friction:\n  - {part}\n"))
+    assert not told(list(examine(read_case(tmp_path / "case.yaml"), str(tmp_path / "run.csv")).findings))
 
 
 def test_hysteresis_of_a_torque_is_no_delay(tmp_path: Path) -> None:

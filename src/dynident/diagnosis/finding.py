@@ -29,6 +29,7 @@ CONSEQUENCES = (
     "spring",
     "rotor inertia",
     "counterbalance",
+    "torque ripple",
     "drift",
     "friction drift",
     "friction curve",

@@ -60,10 +60,10 @@ class Cause:
         joint: Name of the joint it belongs to; empty for the whole arm.
         columns: The torque at all joints for one unit of each coefficient, shape (k, N, n).
         likelier: Factor on its merit, above 1 for a cause that is likelier beforehand than one with the same torque.
-        hidden: How many of the coefficients, the last ones, have a prior about what the others make them, and are not
-            told.
+        hidden: How many coefficients, the last ones, have a prior about what the others make them, and are not told.
         is_filtered: Whether the columns are filtered as the torques are, and stand at the kept rows.
         is_positive: Whether its one coefficient has to be above zero, as an inertia.
+        cycles: Cycles a turn of one that is periodic over the position, and their standard deviation.
     """
 
     name: str
@@ -73,6 +73,7 @@ class Cause:
     hidden: int = 0
     is_filtered: bool = False
     is_positive: bool = False
+    cycles: tuple[float, float] = (0.0, 0.0)
 
     @property
     def told(self) -> int:
@@ -93,8 +94,7 @@ class Blame:
         share: Largest share of a joint's residual variance that it took away.
         size: Its torque as a share of the measured one, root mean squares: of its joint, or of all joints together.
         torque: Root mean square of its torque at each joint, shape (n,).
-        taken: Root mean square that it took off the residual of each joint, shape (n,); what the other columns could
-            have taken in is not in it.
+        taken: Root mean square that it took off the residual of each joint, shape (n,), less what others could take.
         rivals: Causes that explain it about as well in its place.
         freedom: Degrees of freedom behind the covariance; infinite where rows alone make it.
     """

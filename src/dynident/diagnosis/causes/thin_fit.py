@@ -108,7 +108,8 @@ def beyond_quick_fit(case: Case) -> list[Friction]:
 
 
 def _stated_springs(case: Case) -> list[Friction]:
-    return [part for part in case.friction if part.is_spring and not part.is_optional]
+    """Return stated parts that follow the position: springs, balancers, ripple."""
+    return [part for part in case.friction if part.is_of_position and not part.is_optional]
 
 
 def _without_rotors(robot: Robot) -> Robot:

@@ -11,6 +11,7 @@ import numpy as np
 from dynident.case.evidence.torques import agrees
 from dynident.diagnosis.causes.cause_search import MANY, Blame
 from dynident.diagnosis.causes.frame_search import TURNED_AXIS
+from dynident.diagnosis.causes.position_spectrum import RIPPLE
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends, leaned
@@ -50,6 +51,9 @@ Z95 = 1.96
 #: Causes that are curves without one figure.
 CURVES = ("friction curve", "friction drift")
 
+#: Causes that are a sine and a cosine of the position.
+WAVES = ("counterbalance", RIPPLE)
+
 #: Gives the scale of a joint's torque; None where that is not looked for.
 ScaleOf: TypeAlias = Callable[[str], JointScale | None]
 
@@ -72,7 +76,7 @@ def standing(trends: Trends, blames: Sequence[Blame]) -> tuple[list[Finding], li
     not beside friction and hysteresis of its joint.
     """
     every = [each for blame in blames for each in (blame, *blame.rivals)]
-    doubted = any(each.cause.name == "rotor inertia" or is_grave(each) for each in every)
+    doubted = any(each.cause.name == "rotor inertia" or is_grave(each) for each in every if each.cause.name != RIPPLE)
     frames = trends.frames if doubted else ()
     delays = [blame for blame in (*blames, *trends.blames) if blame.cause.name == DELAY]
     late = {blame.cause.joint: blame.certainty for blame in delays}
@@ -118,6 +122,7 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
         none = blame.size > ABSURD or (blame.cause.is_positive and blame.values[0] <= 0.0)
         none = none or (blame.cause.name == DELAY and blame.size < LATE)
         none = none or (blame.cause.name in (ELASTIC, HYSTERESIS) and blame.share < TAKEN)
+        none = none or (blame.cause.name == RIPPLE and _wave(blame)[1] > NARROW * _wave(blame)[0])
         none = none or (blame.cause.name in (DELAY, ELASTIC, HYSTERESIS, ZERO) and sureness(blame) < TOLD)
         return None if none else blame
     scale = scale_of(blame.cause.joint)
@@ -136,7 +141,7 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     """Return what is said of a cause."""
     evidence, remedy = _TEXTS[blame.cause.name](blame, fit)
     values, halves = np.abs(blame.values), blame.half_widths
-    if blame.cause.name == "counterbalance":
+    if blame.cause.name in WAVES:
         values, halves = np.hsplit(np.array(_wave(blame)[:2]), 2)
     sure = bool(np.any(NARROW * values > halves))
     severity: Severity = "warning" if sure and is_grave(blame) else "note"
@@ -153,8 +158,10 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
         "share": blame.share,
         "torque": float(told.max()),
     }
-    if blame.cause.name == "counterbalance":
+    if blame.cause.name in WAVES:
         numbers |= dict(zip(("value", "half_width", "phase_rad"), _wave(blame), strict=True))
+    if blame.cause.name == RIPPLE:
+        numbers |= {"cycles": blame.cause.cycles[0], "cycles_half_width": Z95 * blame.cause.cycles[1]}
     return Finding(severity, blame.cause.name, blame.cause.joint, evidence + counted, remedy, numbers)
 
 
@@ -217,6 +224,18 @@ def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     other = dead - np.copysign(np.pi, dead)
     step = f"a spring or gas cylinder: add {part} to friction: (dead_center: {other:.2f} if it pushes)"
     return evidence, _of_stated_spring(blame, fit) or f"{step}; a body fixed to the link: correct the robot model"
+
+
+def _ripple(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    (size, half, _), (cycles, std) = _wave(blame), blame.cause.cycles
+    slides = _joint(blame, fit).kind == "prismatic"
+    turn = "2 pi m" if slides else "turn"
+    evidence = (
+        f"the residual repeats {cycles:.6g} +- {Z95 * std:.2g} times a {turn} of its position, in both directions, "
+        f"with an amplitude of {size:.3g} +- {half:.2g} {'N' if slides else 'N m'}"
+    )
+    part = f"periodic: {{joints: [{blame.cause.joint}], cycles: {cycles:.6g}}}"
+    return evidence, f"cogging, or eccentric or meshing gears: add {part} to friction:, and check again"
 
 
 def _of_stated_spring(blame: Blame, fit: QuickFit) -> str:
@@ -374,6 +393,7 @@ _TEXTS: dict[str, Callable[[Blame, QuickFit], tuple[str, str]]] = {
     ELASTIC: _elastic,
     HYSTERESIS: _hysteresis,
     ZERO: _zero,
+    RIPPLE: _ripple,
 }
 
 #: Names of the findings.

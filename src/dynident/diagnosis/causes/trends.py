@@ -18,6 +18,7 @@ from dynident.diagnosis.causes.frame_errors import frame_errors
 from dynident.diagnosis.causes.frame_search import AXES, axes_off, blames_beside_frames
 from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.model_error import FitErrors, ModelError
+from dynident.diagnosis.causes.position_spectrum import RIPPLE, ripples
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream
@@ -307,6 +308,9 @@ class Trends:
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
         yield _cause("friction drift", "", *warm)
         yield self._by_motion("time scale", "", self._motion)
+        for one in ripples(self.fit):
+            waves = [self._at_drive(one.drive, wave) for wave in one.columns(q @ self._coupling[one.drive])]
+            yield replace(_cause(RIPPLE, names[one.drive], *waves), cycles=(one.stated, one.std))
         if np.any(self.fit.model.robot.gravity):
             yield self._tilt(self.fit.plain.beta)
 

@@ -11,6 +11,7 @@ import numpy as np
 from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import KnownBodies, NominalBodies, nominal_bodies, with_rotors
+from dynident.diagnosis.causes.position_spectrum import RIPPLE
 from dynident.diagnosis.causes.thin_fit import asked_inertias
 from dynident.diagnosis.causes.trend_findings import (
     NARROW,
@@ -31,9 +32,10 @@ from dynident.diagnosis.finding import Finding, Severity
 MATTERS, SURE = 0.1, 5.0
 
 #: Causes of which free bodies may give the better figure, and those that they give alone: friction, which no known
-#: bodies have, passes for a delay or an elastic joint, and errors of a robot model's centres of mass for another zero.
+#: bodies have, passes for a delay or an elastic joint, and errors of a robot model's centres of mass for another zero;
+#: no bodies pass for a ripple.
 FREE = ("time scale", "tilt", "rotor inertia", SCALE)
-FREE_ALONE, FREE_OF_MODELS = (DELAY, ELASTIC, HYSTERESIS), (ZERO,)
+FREE_ALONE, FREE_OF_MODELS = (DELAY, ELASTIC, HYSTERESIS, RIPPLE), (ZERO,)
 
 
 @dataclass(frozen=True)
