@@ -586,6 +586,15 @@ def test_a_step_of_friction_at_a_reversal_is_no_spike(trial: Trial, tmp_path: Pa
     assert "spikes" in [one.name for one in trial.with_columns(tau=tau).examined(tmp_path).findings]
 
 
+@pytest.mark.parametrize("width", [1.5, 2.5])
+def test_the_turn_of_a_smooth_torque_is_no_spike(width: float, trial: Trial, tmp_path: Path) -> None:
+    """As where a stiff drive is let go after it stuck, in a log that is quiet otherwise."""
+    tau = trial.columns["tau"].copy()
+    rows, size = np.arange(len(tau)), float(np.ptp(tau[:, 1]))
+    tau[:, 1] += size * np.exp(-(((rows - len(tau) // 2) / width) ** 2))
+    assert "spikes" not in [one.name for one in trial.with_columns(tau=tau).examined(tmp_path).findings]
+
+
 def test_flat_tops_and_levels() -> None:
     time = np.linspace(0, 10, 2001)
     wave = np.sin(time)

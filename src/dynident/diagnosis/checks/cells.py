@@ -23,8 +23,9 @@ FLIPS, FEW = 0.005, 2
 #: Size of the row before, as a share of the usual one, from which a jump to zero is none of the motion.
 AWAY = 0.2
 
-#: A value that leaves the line through its neighbours by this many robust deviations is a spike.
-SPIKE = 25.0
+#: A value that leaves the line through its neighbours by this many robust deviations is a spike, and the deviation of
+#: these neighbours from their median over its own up to which it is.
+SPIKE, APART = 25.0, 1.0 / 3.0
 
 #: Times as long as usual that a position stays the same, and as far as usual that it goes then, in median changes of so
 #: many to either side; speeds, of the motion around, that the two make; time steps beyond which a gap is the reason.
@@ -98,10 +99,12 @@ def _spikes(subject: CheckedLog) -> list[Finding]:
         values = getattr(log, signal)
         if values is None or len(values) < 9:
             continue
-        middle = np.median(np.stack([values[k : len(values) - 4 + k] for k in range(5)]), axis=0)
+        near = np.stack([values[k : len(values) - 4 + k] for k in range(5)])
+        middle = np.median(near, axis=0)
         away = np.abs(values[2:-2] - middle)
         floor = np.maximum(1.4826 * np.median(away, axis=0), 1e-3 * np.ptp(middle, axis=0))
         alone = np.abs(values[4:] - values[:-4]) < 0.5 * away  # a step, as of friction at a reversal, does not return
+        alone &= np.median(np.abs(near - middle), axis=0) < APART * away  # and a bend has its neighbours on its way
         spikes = alone & (away > SPIKE * np.maximum(np.maximum(floor, np.quantile(away, 0.99, axis=0) / 4), 1e-12))
         if signal == "q":
             spikes &= travel(values) >= STILL  # of a joint at rest its last digit
