@@ -179,6 +179,16 @@ def test_columns_of_motors_in_another_order_are_named(
     assert (found.severity, found.name, found.joint) == ("error", "torque order", joints)
 
 
+@pytest.mark.parametrize("order", [(3, 0, 1, 2, 5, 4), (4, 3, 5, 0, 1, 2)])
+def test_torques_of_many_joints_in_another_order_are_named_at_once(order: tuple[int, ...], tmp_path: Path) -> None:
+    """Of a driver that sorts its names. Three at most were named, and obeying left the others with no error."""
+    right = virtual(read_case("er16"))
+    found = right.with_columns(tau=right.columns["tau"][:, list(order)]).examined(tmp_path).findings[0]
+    names = right.case.robot.joint_names
+    assert (found.severity, found.name, found.joint) == ("error", "torque order", ", ".join(names))
+    assert f"read as those of {', '.join(names[k] for k in order)}" in found.evidence
+
+
 def test_orders_of_currents_with_and_without_their_gains_are_one_finding(trial: Trial, tmp_path: Path) -> None:
     """Of gains that hardly differ: the same finding was listed as not distinguishable from itself."""
     names, gains, order = trial.case.robot.joint_names, np.array([9.0, 2.5, 2.499]), [0, 2, 1]

@@ -17,7 +17,7 @@ from dynident.case.case import Case
 from dynident.data.motor_side import gears_of
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, in_order
-from dynident.diagnosis.causes.weighted_fit import Products
+from dynident.diagnosis.causes.weighted_fit import EXACT, Products
 from dynident.diagnosis.finding import listed
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
@@ -95,26 +95,56 @@ def torque_orders(fit: QuickFit, made: Array | None = None) -> Iterator[Interpre
             return turn @ in_order(order) @ back
 
     columns = {plain: exchanged_columns} | ({} if fit.conversion is None else {"currents and gains": in_order})
-    read = [(order, what, exchanged(order)) for what, exchanged in columns.items() for order in _orders(len(names))]
-    mixings = np.array([mixing for *_, mixing in read]).reshape(-1, len(names), len(names))
-    for (order, what, mixing), variances in zip(read, fit.variances(fit.shared, mixings), strict=True):
-        moved = [i for i, k in enumerate(order) if i != k]
-        gain = stated - float(np.log(variances).sum())
-        if gain > GAIN and _explained(fit, variances, mixing, moved):
-            joints = tuple(names[i] for i in moved)
-            evidence = f"with their {what} {_in_words(names, order)},"
-            remedy = f"name the {fit.effort} columns in the order of the joints (log: columns: {fit.effort})"
-            remedy += ", and give each joint its own gain (drives)" * (what != plain)
-            yield Interpretation("torque order", joints, gain, evidence, remedy, ReadRows(fit.rows, mixing))
+    for what, exchanged in columns.items():
+        least, tried = GAIN, dict.fromkeys([*_orders(len(names)), _assigned_order(fit)])
+        while tried:
+            best, last = least, tuple(range(len(names)))
+            mixings = np.array([exchanged(order) for order in tried])
+            for order, mixing, variances in zip(tried, mixings, fit.variances(fit.shared, mixings), strict=True):
+                moved = [i for i, k in enumerate(order) if i != k]
+                gain = stated - float(np.log(variances).sum())
+                if gain > least and moved and _explained(fit, variances, mixing, moved):
+                    joints = tuple(names[i] for i in moved)
+                    evidence = f"with their {what} {_in_words(names, order)},"
+                    remedy = f"name the {fit.effort} columns in the order of the joints (log: columns: {fit.effort})"
+                    remedy += ", and give each joint its own gain (drives)" * (what != plain)
+                    yield Interpretation("torque order", joints, gain, evidence, remedy, ReadRows(fit.rows, mixing))
+                    best, last = max((best, last), (gain, order))
+            tried = dict.fromkeys(_turned(last, cycle) for cycle in _cycles(len(names))) if best > least else {}
+            least = best + GAIN  # other columns are exchanged beside the best ones
+
+
+def _assigned_order(fit: QuickFit) -> tuple[int, ...]:
+    """Return the order of the torques whose residuals have the least product, parameters of each joint its own.
+
+    That is an assignment of columns to joints (Kuhn 1955), each column fitted to the rows of each joint. It is that of
+    the chain where all joints are explained, or each has the best column.
+    """
+    joints = len(fit.counts)
+    plain = tuple(range(joints))
+    if not (fit.relative > GOOD).any():
+        return plain
+    left = [np.sum(factor[len(own) :, len(own) : len(own) + joints] ** 2, axis=0) for own, factor in fit.triangles]
+    whole = np.maximum(np.diag(fit.rows.torque.T @ fit.rows.torque), 1e-300)
+    costs = np.log(np.maximum(np.array(left) / whole, EXACT**2))
+    if np.array_equal(np.argmin(costs, axis=1), plain):
+        return plain
+    from scipy.optimize import linear_sum_assignment  # loads slowly
+
+    return tuple(linear_sum_assignment(costs)[1].tolist())
+
+
+def _cycles(joints: int) -> Iterator[tuple[int, ...]]:
+    """Yield two or three joints out of place."""
+    yield from combinations(range(joints), 2)
+    for i, j, k in combinations(range(joints), 3):
+        yield from ((i, j, k), (i, k, j))
 
 
 def _orders(joints: int) -> Iterator[tuple[int, ...]]:
     """Yield orders that are not that of the chain: two or three joints out of place, from the tip, all shifted."""
     plain = tuple(range(joints))
-    cycles = [pair for pair in combinations(plain, 2)] + [
-        cycle for i, j, k in combinations(plain, 3) for cycle in ((i, j, k), (i, k, j))
-    ]
-    orders = dict.fromkeys([*(_turned(plain, cycle) for cycle in cycles), *_whole_orders(joints)])
+    orders = dict.fromkeys([*(_turned(plain, cycle) for cycle in _cycles(joints)), *_whole_orders(joints)])
     yield from (order for order in orders if order != plain)
 
 
