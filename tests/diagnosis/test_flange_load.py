@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from benchmarks.faults.clean import told
 from benchmarks.faults.loads import named
+from benchmarks.faults.trials import RATE, virtual
 
+from dynident.case.case import read_case
 from dynident.diagnosis.causes.flange_load import FAR, TOLD, carried, own_inertia
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Joint, Link, Robot
 
 pytest.importorskip("pinocchio")
 
@@ -51,6 +56,32 @@ def test_the_interval_holds_the_mass_of_a_load_off_the_flange(seed: int, tmp_pat
 def test_errors_of_the_last_link_are_no_load(seed: int, tmp_path: Path) -> None:
     found = named(seed, 0.0, tmp_path)[1]
     assert found is None or found.severity == "note"
+
+
+def test_the_branch_of_a_tree_that_carries_a_load_is_named(tmp_path: Path) -> None:
+    """Against an earlier estimate a load on the first of two arms had been wrong gains of four joints of it."""
+    case = read_case("generic-6r")
+    arm = case.robot.locked({name: 0.4 for name in case.robot.joint_names[3:]})
+    links, joints = list[Link](), list[Joint]()
+    for side in ("left", "right"):
+        first = len(links)
+        links += [replace(link, name=f"{side}_{link.name}") for link in arm.links]
+        parents = [joint.parent + first if joint.parent >= 0 else -1 for joint in arm.joints]
+        joints += [replace(j, name=f"{side}_{j.name}", parent=k) for j, k in zip(arm.joints, parents, strict=True)]
+    columns = replace(case.columns, joints=tuple(joint.name for joint in joints))
+    both = replace(case, robot=Robot("two arms", tuple(links), tuple(joints)), columns=columns)
+    earlier = virtual(both, 1, RATE).estimate(tmp_path)
+    assert not [one for one in virtual(both, 2, RATE).examined(tmp_path, earlier).findings if "load" in one.name]
+    for end in (2, 5):
+        body = Inertia.from_centre_of_mass(0.8, np.array([0.05, 0.1, -0.1]), 0.002 * np.eye(3))
+        own = links[end].inertia
+        assert own is not None
+        carried_by = replace(links[end], inertia=own + body)
+        robot = Robot("two arms", (*links[:end], carried_by, *links[end + 1 :]), tuple(joints))
+        trial = replace(virtual(replace(both, robot=robot), 2, RATE), case=both)
+        found = [one for one in trial.examined(tmp_path, earlier).findings if one.name != "scale not determined"]
+        assert [(one.name, one.joint) for one in found] == [("load at the flange", joints[end].name)]
+        assert found[0].numbers["mass_kg"] == pytest.approx(0.8, rel=0.05)
 
 
 def test_a_load_has_to_explain_more_combinations_of_bodies_than_it_has_parameters(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
-from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, load_columns, own_inertia
+from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, ends, load_columns, own_inertia
 from dynident.diagnosis.causes.known_bodies import LEAST, KnownBodies, NominalBodies
 from dynident.diagnosis.causes.model_error import FitErrors
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING
@@ -229,7 +229,9 @@ class Anchored(CauseSearch):
         return []  # each fit looks for the errors of the bodies, which takes long
 
     def candidates(self, before: Solved, chosen: Sequence[int]) -> dict[int, float]:
-        return dict.fromkeys(self._left(chosen), np.inf)  # errors of the bodies may hide any of them
+        """Return all of them, as errors of the bodies may hide any; but no load beside another one."""
+        is_loaded = self._load(chosen) is not None
+        return {k: np.inf for k in self._left(chosen) if not (is_loaded and self.causes[k].hidden)}
 
 
 def _turn(grams: Array, sides: Array, slot: IntArray, turn: Array) -> None:
@@ -271,7 +273,8 @@ class AgainstBodies:
         found = CauseRows(rows.blocks, rows.columns, fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
         causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
         if len(self._known.places) > TEN or not isinstance(self._known, NominalBodies):
-            causes.append(Cause("load at the flange", "", load_columns(fit), hidden=TEN - TOLD))
+            for joint, link in ends(fit).items():
+                causes.append(Cause("load at the flange", joint, load_columns(fit, link), hidden=TEN - TOLD))
         causes.append(Cause(*OF_ALL, self.bodies[None]))
         factors = fit.counts / fit.independent_rows
         return Anchored(found, causes, self._known, factors, lambda: self._trends.errors)
@@ -284,10 +287,9 @@ class AgainstBodies:
             np.full(count // TEN, np.inf) if theta is None or not theta[:count].any() else theta[TEN - 1 : count : TEN]
         )
 
-    @property
-    def last_link(self) -> float:
-        """Standard deviation of the mass of the last link in kg, whose errors no log tells from a load."""
-        return FIRST * float(self.masses[-1]) if isinstance(self._known, NominalBodies) else 0.0
+    def error_of_end(self, joint: str) -> float:
+        """Return the standard deviation of the mass of a link in kg, whose errors no log tells from a load there."""
+        return FIRST * float(self.masses[ends(self.fit)[joint]]) if isinstance(self._known, NominalBodies) else 0.0
 
     @cached_property
     def bodies(self) -> Array:

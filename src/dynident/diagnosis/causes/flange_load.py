@@ -27,10 +27,26 @@ FAR, GYRATION = 1.0, 0.1
 _ROWS, _COLUMNS = np.triu_indices(3)
 
 
-def load_columns(fit: QuickFit) -> Array:
-    """Return the torque of a body at the last link, filtered: first moments, mass, moments of inertia (10, N, n)."""
-    last = fit.model.inertial_count - TEN + np.array([*range(TEN - TOLD, TEN), *range(TEN - TOLD)])
-    shares, rows = fit.base.matrix[:, last], fit.rows  # a standard column is so many of those of the base parameters
+def ends(fit: QuickFit) -> dict[str, int]:
+    """Return the links that may carry a load, the ends of branches, by the last joint that moves each.
+
+    A robot of one such joint has its last link alone, and no name.
+    """
+    robot, found = fit.model.robot, dict[str, int]()
+    parents = {joint.parent for joint in robot.joints}
+    for link in (i for i in range(len(robot.links)) if i not in parents):
+        place = link
+        while place >= 0 and robot.joints[place].name not in robot.joint_names:
+            place = robot.joints[place].parent
+        if place >= 0:
+            found[robot.joints[place].name] = link
+    return found if len(found) > 1 else {"": len(robot.links) - 1}
+
+
+def load_columns(fit: QuickFit, link: int) -> Array:
+    """Return the torque of a body at a link, filtered: first moments, mass, moments of inertia (10, N, n)."""
+    places = TEN * link + np.array([*range(TEN - TOLD, TEN), *range(TEN - TOLD)])
+    shares, rows = fit.base.matrix[:, places], fit.rows  # a standard column is so many of those of the base parameters
     return np.stack([(block @ shares[own]).T for block, own in zip(rows.blocks, rows.columns, strict=True)], axis=2)
 
 

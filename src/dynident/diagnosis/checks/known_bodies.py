@@ -102,24 +102,26 @@ def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: 
 
 def _load(blame: Blame, against: AgainstBodies) -> Finding:
     mass, deviation, half = (float(each[-1]) for each in (blame.values, blame.deviations, blame.half_widths))
-    half, deviation = float(np.hypot(half, Z95 * against.last_link)), float(np.hypot(deviation, against.last_link))
+    end, joint = against.error_of_end(blame.cause.joint), blame.cause.joint
+    half, deviation = float(np.hypot(half, Z95 * end)), float(np.hypot(deviation, end))
     told = f"of {mass:+.3g} kg (+- {half:.2g} kg)"
     known = half <= abs(mass) <= against.masses.sum()  # no arm carries more than it weighs
     if not known:  # moments are sure, the mass is not
         strongest = int(np.argmax(blame.torque))
-        joint = against.fit.model.robot.joint_names[strongest]
-        told = f"of {blame.torque[strongest]:.3g} N m (or N) rms at {joint}, its mass is not determined"
-    evidence = f"a load at the flange {told} (t = {blame.certainty:.0f})"
+        name = against.fit.model.robot.joint_names[strongest]
+        told = f"of {blame.torque[strongest]:.3g} N m (or N) rms at {name}, its mass is not determined"
+    place = f"at the flange{f' of the branch that ends in {joint}' * bool(joint)}"
+    evidence = f"a load {place} {told} (t = {blame.certainty:.0f})"
     remedy = (
         "remove the payload or tool, or add it to the robot model; 'dynident payload ESTIMATE LOG' weighs it, with an "
         "estimate without it; check the last link"
     )
     if known and mass < 0:
-        evidence = f"{-mass:.3g} kg (+- {half:.2g} kg) less at the flange (t = {blame.certainty:.0f})"
+        evidence = f"{-mass:.3g} kg (+- {half:.2g} kg) less {place} (t = {blame.certainty:.0f})"
         remedy = "take a tool that is not mounted out of the robot model, or correct the mass of the last link"
     bodies = np.sqrt(np.mean(against.bodies**2, axis=0))
     large = float(blame.torque.max()) > MATTERS * float(bodies.max())
     heavy = known and large and half < NARROW * abs(mass)
     severity: Severity = "warning" if heavy else "note"
     numbers = {"mass_kg": mass, "std_kg": deviation, "t": blame.certainty}
-    return Finding(severity, "load at the flange", "", evidence, remedy, numbers)
+    return Finding(severity, "load at the flange", joint, evidence, remedy, numbers)
