@@ -145,6 +145,6 @@ def model_place(path: str) -> str:
     """
     is_log = not path.lower().endswith(".json") and any(FORMATS.get(name).takes(path) for name in FORMATS.names())
     if is_log and os.path.exists(path):
-        step = "give the robot model or the case file first, then the logs"
+        step = "give the robot model or the case file first, then the logs; write a table of DH parameters in YAML"
         raise FileError(path, "a log by its ending, where a robot model is wanted", step)
     return path
