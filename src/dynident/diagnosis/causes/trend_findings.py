@@ -263,7 +263,7 @@ def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     figures = zip(names, blame.values, blame.half_widths, strict=True)
     there = np.abs(blame.cause.columns).max(axis=(1, 2)) > 0.0  # joints that hardly move have no column
     told = ", ".join(
-        f"{name} {value:+.2g} +- {half:.1g}" for (name, value, half), told in zip(figures, there, strict=True) if told
+        f"{name} {value:+.2g} +- {half:.2g}" for (name, value, half), told in zip(figures, there, strict=True) if told
     )
     evidence = f"Coulomb friction changes from start to end of a log by (N m or N): {told}"
     step = "warm the arm up first, or add friction that follows: warm_up from a cold start, temperature if logged"
@@ -282,17 +282,17 @@ def _time_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     fast = float(blame.values[0])
     word = "fast" if fast > 0 else "slow"
     evidence = (
-        f"inertial against gravity torques: the clock runs {100 * abs(fast):.2g} +- {100 * blame.half_widths[0]:.1g} %"
+        f"inertial against gravity torques: the clock runs {100 * abs(fast):.2g} +- {100 * blame.half_widths[0]:.2g} %"
     )
     return f"{evidence} too {word}", "check the clock of the log: log the time of the measurement"
 
 
 def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     value, deviation = 100 * float(blame.values[0]), 100 * float(blame.half_widths[0])
-    evidence = f"its torque is {value:+.2g} +- {deviation:.1g} % off the value that agrees with the other joints"
+    evidence = f"its torque is {value:+.2g} +- {deviation:.2g} % off the value that agrees with the other joints"
     if not blame.cause.joint:
         digits = "+.0f" if abs(value) >= 10.0 else "+.2g"
-        evidence = f"torques of all joints are {value:{digits}} +- {deviation:.1g} % off those of its bodies"
+        evidence = f"torques of all joints are {value:{digits}} +- {deviation:.2g} % off those of its bodies"
     key = "log: units: {torque: ...}" if fit.effort == "torque" else "drives: {JOINT: {gain: ...}}"
     return evidence, f"check gain and gear ratio ({key}), or the masses of the robot model"
 
