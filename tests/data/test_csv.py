@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dynident.applications.monitor.live_rows import live_rows
 from dynident.data.formats import (
     FORMATS,
     ColumnMap,
@@ -23,7 +24,6 @@ from dynident.data.formats import (
     write_log,
     written_columns,
 )
-from dynident.data.formats._live_table import live_rows
 from dynident.data.formats._text_table import open_table
 from dynident.data.formats.csv import Csv
 from dynident.data.log import Log

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dynident.applications.monitor.live_rows import live_rows
 from dynident.applications.monitor.monitor import Monitor, MonitorSample, MonitorState, step
 from dynident.arrays import Array
-from dynident.data.formats import ColumnMap, live_rows
+from dynident.data.formats import ColumnMap
 from dynident.data.log_of_robot import with_meaning
 from dynident.errors import LogMismatch
 from dynident.identification.estimate.estimate import Estimate

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from dynident.data.formats._clocked_table import clocked
 from dynident.data.formats._column_map import ColumnMap, Units
-from dynident.data.formats._live_table import live_rows
 from dynident.data.formats._stream import LogStream
 from dynident.data.formats._unrepeated_table import unrepeated
 from dynident.data.formats.base import LARGE, LogFormat, LogTable, bytes_of, log_of, written_columns
@@ -26,7 +25,6 @@ __all__ = [
     "LogTable",
     "Units",
     "bytes_of",
-    "live_rows",
     "open_log",
     "read_header",
     "read_log",
