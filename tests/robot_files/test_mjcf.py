@@ -390,6 +390,11 @@ FAULTS = {
         "remove the joint to fix the base",
     ),
     "a ball joint": (arm('<joint type="ball" name="k"/>' + BODY), "<joint name='k'>", "three hinges"),
+    "a ball joint in a loop": (
+        arm('<joint type="ball" name="k"/>' + BODY, "<equality><connect body1='a' anchor='0 0 0'/></equality>"),
+        "<joint name='k'>",
+        "a parallel robot, such as a Delta, cannot be identified",
+    ),
     "an unknown attribute": (
         arm('<joint armatur="1"/>' + BODY),
         "unknown attribute 'armatur'",

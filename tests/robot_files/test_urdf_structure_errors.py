@@ -130,7 +130,7 @@ CASES: dict[str, Fault] = {
         '"floating"',
         (
             "joint 'wrist': type 'floating' has more than one degree of freedom; replace it by revolute and "
-            "prismatic joints, or by a fixed one"
+            "prismatic joints, or that of a base by a fixed one: the base has to rest in the logs"
         ),
     ),
     "planar": (
@@ -138,7 +138,7 @@ CASES: dict[str, Fault] = {
         '"planar"',
         (
             "joint 'wrist': type 'planar' has more than one degree of freedom; replace it by revolute and "
-            "prismatic joints, or by a fixed one"
+            "prismatic joints, or that of a base by a fixed one: the base has to rest in the logs"
         ),
     ),
     "link twice": (

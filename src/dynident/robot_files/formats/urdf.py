@@ -190,7 +190,8 @@ class _Reader:
         if word in _UNREAD_KINDS:
             raise place.error(
                 f"type {shown(word)} has more than one degree of freedom",
-                "replace it by revolute and prismatic joints, or by a fixed one",
+                "replace it by revolute and prismatic joints, or that of a base by a fixed one: the base has to rest "
+                "in the logs",
             )
         if word not in _KINDS:
             step = f"choose one of: {', '.join(_KINDS)}{nearest(word.lower(), _KINDS)}"

@@ -26,6 +26,7 @@ from dynident.robot_files.xml_values import Values
 WORLD: Final = "world"
 
 #: What a note calls a robot that floats; its joints have the torques of one on a fixed base.
+LOOPS: Final = "loops of bodies are not read: a parallel robot, such as a Delta, cannot be identified"
 FLOATING: Final = "the motion of floating bases, which are held still"
 
 _FLEXIBLE: Final = {"composite": "a flexible body", "flexcomp": "a flexible body"}
@@ -129,7 +130,7 @@ class _TreeReader:
     """Walks through the world from the top."""
 
     def __init__(self, document: MjcfDocument) -> None:
-        self._expansion = Expansion(document)
+        self._document, self._expansion = document, Expansion(document)
         self.tree = MjcfTree()
         self._moving = 0
         self._loose: list[DescriptionError] = []
@@ -215,6 +216,11 @@ class _TreeReader:
                 inside = {one.tag for one in body.below() if one is not child[0]}
                 self.tree.note(FLOATING if {"joint", "attach"} & inside else "bodies that float freely", name)
             if kind == "ball":
+                ties = [one for one in self._document.each("equality") if one.tag in ("connect", "weld")]
+                if any(one.attributes.get("active", "true") != "false" for one in ties):
+                    raise place.error(
+                        f"a ball joint in a robot with an equality <{ties[0].tag}>, a loop of bodies", LOOPS
+                    )
                 raise place.error("a ball joint has three degrees of freedom", "replace it by three hinges")
 
     def _inertia(self, body: Element, children: list[Placed], scope: MjcfScope) -> Inertia | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.model.documents.numbers import shown
 from dynident.model.robot import Drive, Mimic
-from dynident.robot_files.mjcf.bodies import WORLD, MjcfTree, is_limited
+from dynident.robot_files.mjcf.bodies import LOOPS, WORLD, MjcfTree, is_limited
 from dynident.robot_files.mjcf.defaults import ACTUATORS
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.references import Tendon, copies_named, is_left, parts_with, tendons_in
@@ -74,7 +74,7 @@ def _followed(tree: MjcfTree, tendons: Mapping[str, Tendon]) -> list[Connection]
             tree.note("what ties it to mocap bodies", mocap[0])
             continue
         else:
-            step = 'remove it, or write active="false": loops of bodies are not read'
+            step = f'{LOOPS}; remove it, or write active="false", where it carries no load'
             raise given.place.error(f"the equality constraint <{element.tag}> closes a loop of bodies", step)
         one = values.text("joint1")
         if one in ties:
