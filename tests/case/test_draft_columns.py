@@ -14,7 +14,8 @@ from dynident.case.draft.column_words import WORDS, Meaning, meaning_of, split_u
 from dynident.case.draft.joint_choice import without_positions
 from dynident.case.draft.profile_fit import equally_good, fitting_profiles
 from dynident.case.draft.signal_choice import choose_signals
-from dynident.case.draft.signal_units import position_factors, position_unit, time_unit
+from dynident.case.draft.signal_units import position_factors, position_unit
+from dynident.case.draft.time_unit import time_unit
 from dynident.case.draft.yaml_words import plain, quoted
 from dynident.case.questions import MARK, check_answered, questions_in
 from dynident.data.profiles import PROFILES

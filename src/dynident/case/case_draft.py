@@ -19,6 +19,8 @@ from dynident.case.draft.case_text import Files, case_text
 from dynident.case.draft.column_groups import split_time
 from dynident.case.draft.command_topics import command_topics, recording
 from dynident.case.draft.joint_choice import outside_limits
+from dynident.case.draft.long_table import refuse_long
+from dynident.case.draft.moving_base import moving_base
 from dynident.case.draft.profile_fit import fitting_profiles
 from dynident.case.draft.readings import long_gap, opened
 from dynident.case.draft.recognise import cutoff_of, recognised
@@ -131,7 +133,7 @@ def draft_case(
         step = f"it reads {PROFILES.make(profile).time}, {reads}, for each joint of the robot; leave the profile out"
         raise BadOption("profile", profile, step)
     found = replace(found, form=written, is_large=sum(bytes_of(Path(log)) for log in train) > LARGE)
-    remarks = (*ties, *_remarks(found))
+    remarks = (*ties, *moving_base(found.robot, tables), *_remarks(found))
     files = Files(robot, train, tuple(test), Path(folder))
     text = case_text(found, files, remarks)
     return Draft(text, remarks, questions_in(text), found, files)
@@ -148,9 +150,10 @@ def draft_summary(draft: Draft) -> dict[str, Any]:
         signal: {"columns": list(source.columns), "side": source.side, "evidence": source.how}
         for signal, source in found.sources.items()
     }
+    is_timed = found.readings and bool(found.units["time"].words)
     logs = [
-        {"path": r.path, "rows": r.rows, "duration_s": r.duration * found.to_seconds,
-         "rate_hz": 1 / (r.step * found.to_seconds), "faults": list(r.notes)}
+        {"path": r.path, "rows": r.rows, "duration_s": r.duration * found.to_seconds if is_timed else None,
+         "rate_hz": 1 / (r.step * found.to_seconds) if is_timed else None, "faults": list(r.notes)}
         for r in found.readings
     ]  # fmt: skip
     joints = found.joints
@@ -188,6 +191,7 @@ def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> t
     if topics:
         found = [recording(log, topics) for log in logs]
         return [table for table, _ in found], found[0][1]
+    refuse_long(logs[0])
     try:
         tables = [opened(log) for log in logs]
         numbers = _numbers(tables[0])

@@ -15,6 +15,12 @@ from dynident.model.documents.numbers import Place, expression
 from dynident.model.documents.sections import Section
 from dynident.robot_files.xacro import split_arguments, with_arguments
 
+#: What is to be done about forces of cylinders or of belts at joints that turn.
+LEVER_ARM = (
+    "a cylinder's force acts by a lever arm that changes with the position: log or compute the torques (force times "
+    "lever arm), or describe the cylinders as joints that slide"
+)
+
 #: A product with pi.
 _PRODUCT = re.compile(r"[\d\s.*/+-]*\bpi\b[\d\s.*/+-]*")
 

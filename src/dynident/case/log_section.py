@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from dynident.case.case_values import guarded, one_or_many, part_of, texts
+from dynident.case.case_values import LEVER_ARM, guarded, one_or_many, part_of, texts
 from dynident.case.profile_columns import SIDED, profile_columns
 from dynident.data.formats import FORMATS, ColumnMap, Units
 from dynident.data.formats._units import QUANTITY, unit_of
@@ -139,6 +139,7 @@ def _check_units(units: Units, joints: Sequence[str], robot: Robot, motor: Seque
             kind = unit_of(quantity, word)[1]
             if kind not in ("", kinds[name], "revolute" if quantity in turning else ""):
                 step = f"{name} is {kinds[name]}; give a unit that fits, one per joint where they differ"
+                step += f"; {LEVER_ARM}" * (quantity == "torque" and kind == "prismatic")
                 raise BadOption(f"units.{quantity}", word, step)
 
 
@@ -149,6 +150,8 @@ def _column_names(section: Section, key: str, joints: Sequence[str]) -> tuple[st
         return value
     if value == "none":
         return ()
+    if key == "temperature" and not any(mark in value for mark in MARKS):
+        return (value,) * len(joints)  # of one sensor for all
     if not any(mark in value for mark in MARKS):
         step = "write a list, or a pattern as q{}"
         raise section.place(key).error(f"one name '{value}' for {len(joints)} joints", step)

@@ -10,6 +10,7 @@ from dynident.arrays import BoolArray, IntArray
 from dynident.case.case import Case
 from dynident.data.formats import ColumnMap, LogTable, open_log
 from dynident.data.formats._text_table import TextTable
+from dynident.data.formats.base import names_of, signals_of
 from dynident.data.log import Log, Source, torque_from_current
 from dynident.data.motor_side import joint_side, with_zero
 
@@ -59,15 +60,9 @@ def read_recording(case: Case, name: str) -> Recording:
     path = case.find(name)
     table = open_log(path, case.columns)
     columns = case.columns.resolved(table.header, table.path, table.line)
-    stated = columns.stated()
-    names = [columns.time, *(column for signal in stated.values() for column in signal)]
-    values, _ = table.read(names)
-    count = len(columns.joints)
+    values, _ = table.read(names_of(columns))
     with np.errstate(all="ignore"):
-        signals = {
-            signal: columns.counted(signal, columns.to_si(signal, values[:, 1 + k * count : 1 + (k + 1) * count]))
-            for k, signal in enumerate(stated)
-        }
+        signals = {name: columns.counted(name, each) for name, each in signals_of(columns, values).items()}
         time = columns.time_to_si(values[:, 0])
     source = Source(table.path, table.sha256, len(values))
     log = Log(columns.joints, time, source=source, **signals)

@@ -126,7 +126,8 @@ def _head(found: Recognised, files: Files, remarks: Sequence[str]) -> list[str]:
     logs = [*files.train, *files.test]
     for path, reading in zip(logs[:_MOST_LOGS], found.readings, strict=False):
         notes = f"; {'; '.join(reading.notes)}" if reading.notes else ""
-        lines.append(f"# Drafted from {plain(Path(path).name)}: {facts_of(reading, found.to_seconds)}{plain(notes)}")
+        facts = facts_of(reading, found.to_seconds * bool(found.units["time"].words))
+        lines.append(f"# Drafted from {plain(Path(path).name)}: {facts}{plain(notes)}")
     if not found.readings:
         lines.append(f"# The columns of {plain(Path(logs[0]).name)}: {few(found.header, 100)}")
     if len(logs) > _MOST_LOGS:
@@ -278,7 +279,7 @@ def _warm_up(found: Recognised, files: Files) -> list[str]:
     if found.temperature is not None:
         return ["  - temperature: {choose: part}   # friction that changes with the logged temperature of the drives"]
     each, least = [one.duration * found.to_seconds for one in found.readings], WarmUp.ranges["time_constant"].least_log
-    if max(each, default=0.0) < least:
+    if max(each, default=0.0) < least or not found.units["time"].words:
         return []
     train = each[: len(files.train) - (len(files.train) > 1 and not files.test)]
     trained = max(train, default=0.0) * (_TRAINS if len(files.train) == 1 and not files.test else 1.0)
@@ -295,7 +296,7 @@ def _behind_the_gear(found: Recognised) -> bool:
 
 def _preprocessing(found: Recognised) -> list[str]:
     cutoff = cutoff_of(found)
-    if not found.readings:  # no value was looked at
+    if not found.readings or not found.units["time"].certain:  # no value was looked at, or by a rate that is asked
         return ["preprocessing:", "  filter:", "    butterworth: {cutoff_hz: auto}   # from the spectra", _DELAY]
     if not cutoff:
         return []

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from dynident.case.draft.column_words import Meaning, meaning_of, split_unit, tokens_of, words_of
+from dynident.case.draft.column_words import OTHER, Meaning, meaning_of, split_unit, tokens_of, words_of
 from dynident.model.robot import Robot
 
 #: Numbers in one name that may be that of the joint; a name with more is no joint's.
@@ -27,6 +27,9 @@ _OF_KINDS: Mapping[str, frozenset[str]] = {
     "prismatic": frozenset(("m", "mm", "m/s", "mm/s", "N")),
     "revolute": frozenset(("rad", "deg", "rad/s", "deg/s", "N m", "mN m")),
 }
+
+#: A column of a recording of several topics, and topics that are joined at most.
+_TOPIC, _MOST_TOPICS = re.compile(r"(/[^:]+):(.+)"), 6
 
 #: Words of joint names that columns often leave out.
 _GENERIC = frozenset(("joint", "jnt", "j"))
@@ -152,6 +155,17 @@ def split_time(header: Sequence[str]) -> tuple[tuple[str, str], tuple[str, str]]
     return None
 
 
+def single_temperatures(header: Sequence[str]) -> list[str]:
+    """Return the columns that are temperatures by their names, without the number of a joint."""
+    found = []
+    for name in header:
+        base, unit = split_unit(name)
+        words = words_of(base, _container(header))
+        if not any(word.isdigit() for word in words) and meaning_of(words, unit).signal == "temperature":
+            found.append(name)
+    return found
+
+
 def unit_of_time(name: str, header: Sequence[str] = ()) -> str:
     """Return the unit that the name of a time column of a header states; empty where it states none."""
     base, unit = split_unit(name)
@@ -159,24 +173,85 @@ def unit_of_time(name: str, header: Sequence[str] = ()) -> str:
 
 
 def _named_groups(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
-    """Return groups whose columns have the names of joints, whole or without words such as 'joint'."""
-    found: dict[Meaning, dict[Meaning, dict[int, str]]] = {}
+    """Return groups whose columns have the names of joints, whole or without words such as 'joint'.
+
+    Those of several topics of a recording are one where each joint is in one of them; else there is one group for each
+    choice of topics.
+    """
+    found: dict[Meaning, dict[str, dict[Meaning, dict[int, str]]]] = {}
     forms, container = joint_forms(joints), _container(header)
     for name in header:
-        base, unit = split_unit(name)
-        words = words_of(base, container)
-        place = joint_in(words, forms)
-        if place is None:
-            continue
-        joint, start, length = place
-        rest = words[:start] + words[start + length :]
-        if any(word.isdigit() for word in rest):
-            continue
-        meaning = meaning_of(rest, unit, at_end=start + length < len(words))
-        if meaning.signal and meaning.signal != "time":
-            found.setdefault(replace(meaning, unit=""), {}).setdefault(meaning, {}).setdefault(joint, name)
-    groups = [group for meaning, parts in found.items() for group in _by_unit(meaning, parts, joints)]
+        place = _named_column(name, forms, container)
+        if place is not None:
+            joint, meaning = place
+            topics = found.setdefault(replace(meaning, unit=""), {})
+            topics.setdefault(_topic_of(name)[0], {}).setdefault(meaning, {}).setdefault(joint, name)
+    groups = list[Group]()
+    for meaning, topics in found.items():
+        own = [group for parts in topics.values() for group in _by_unit(meaning, parts, joints)]
+        groups += _joined(own, joints) if len(own) == len(topics) > 1 else own
     return [group for group in groups if group.count > 1 or len(joints) == 1]
+
+
+def _topic_of(name: str) -> tuple[str, str]:
+    """Return the topic of a recording in front of the name of a column, empty for none, and the rest of the name."""
+    found = _TOPIC.fullmatch(name)
+    return (found[1], found[2]) if found else ("", name)
+
+
+def _named_column(name: str, forms: Mapping[tuple[str, ...], int], container: str) -> tuple[int, Meaning] | None:
+    """Return the joint whose name stands in that of a column, and what the rest says; None where one is missing."""
+    topic, field = _topic_of(name)
+    base, unit = split_unit(field)
+    words = words_of(base, container)
+    place = joint_in(words, forms)
+    if place is None:
+        return None
+    joint, start, length = place
+    rest = words[:start] + words[start + length :]
+    if any(word.isdigit() for word in rest):
+        return None
+    meaning = meaning_of(rest, unit, at_end=start + length < len(words))
+    outer = meaning_of(tokens_of(topic))
+    if topic and (OTHER.intersection(tokens_of(topic)) or not meaning.signal):
+        return None
+    kind = outer.kind if outer.kind in ("commanded", "model") else meaning.kind or outer.kind
+    return (joint, replace(meaning, kind=kind)) if meaning.signal not in ("", "time") else None
+
+
+def joint_columns(header: Sequence[str], joints: Sequence[str]) -> dict[int, list[str]]:
+    """Return the columns in whose names that of a joint stands, by its place among the joints."""
+    forms, found = joint_forms(joints), dict[int, list[str]]()
+    for name in header:
+        place = joint_in(tokens_of(_topic_of(name)[1]), forms)
+        if place is not None:
+            found.setdefault(place[0], []).append(name)
+    return found
+
+
+def _joined(groups: Sequence[Group], joints: Sequence[str]) -> list[Group]:
+    """Return groups of one signal, each of a topic, as one for each largest set of them that shares no joint."""
+    if len(groups) > _MOST_TOPICS:
+        return list(groups)
+    sets = list[set[int]]()
+    for size in range(len(groups), 0, -1):
+        for places in combinations(range(len(groups)), size):
+            columns = [joint for k in places for joint in groups[k].columns]
+            if len(columns) == len(set(columns)) and not any(set(places) <= known for known in sets):
+                sets.append(set(places))
+    found = list[Group]()
+    for places in sets:
+        columns = {joint: name for k in sorted(places) for joint, name in groups[k].columns.items()}
+        units = {j: u for k in places for j, u in zip(sorted(groups[k].columns), _units_of(groups[k]), strict=True)}
+        same = len(set(units.values())) == 1
+        meaning = replace(groups[0].meaning, unit=next(iter(units.values())) if same else "")
+        each = () if same else tuple(units[joint] for joint in sorted(units))
+        found.append(Group(meaning, columns, True, _joint_pattern(columns, joints) if same else "", each))
+    return found
+
+
+def _units_of(group: Group) -> tuple[str, ...]:
+    return group.units or (group.meaning.unit,) * group.count
 
 
 def _by_unit(meaning: Meaning, parts: Mapping[Meaning, Mapping[int, str]], joints: Sequence[str]) -> Iterator[Group]:

@@ -25,7 +25,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     ),
     "current": ("i", "current", "currents", "cur", "curr", "iq", "amps", "strom", "courant", "corriente",
         "corrente", "电流", "電流"),
-    "temperature": ("temp", "temperature", "temperatures"),
+    "temperature": ("temp", "temperature", "temperatures", "temperatur", "temperatura"),
 }  # fmt: skip
 
 #: Words that join a signal and a side.
@@ -47,6 +47,10 @@ OTHER = frozenset(
     "err error std var cov min max limit lower upper tcp tool ee cart cartesian pose wrench twist imu x y z rx ry rz "
     "quat flange voltage volt volts power status mode flag count version bits".split()
 )
+
+#: Words of a force, which is no torque of a joint that turns, and of pressures of cylinders.
+FORCE_WORDS = frozenset("force forces kraft fuerza forza".split())
+_PRESSURE_WORDS = frozenset("pa pb kpa mpa bar psi pressure pressures druck pression presion pressione".split())
 
 #: Counters of microcontrollers, which are a time and its unit.
 _COUNTERS: Mapping[str, tuple[str, ...]] = {"millis": ("time", "ms"), "micros": ("time", "us")}
@@ -158,6 +162,11 @@ def words_of(name: str, container: str = "") -> list[str]:
     known = SIGNAL.keys() | KIND.keys() | _SIDES.keys() | _JOINED.keys() | OTHER
     outer = [word for word in tokens_of(container) if word in known and word != "t"]
     return outer + tokens_of(name[len(container) :])
+
+
+def is_pressure(name: str) -> bool:
+    """Return whether the name of a column says that it is a pressure: ``boom_pA``, ``p1 [bar]``."""
+    return bool(_PRESSURE_WORDS.intersection(tokens_of(name)))
 
 
 def split_unit(name: str) -> tuple[str, str]:

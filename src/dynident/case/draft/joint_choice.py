@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.case.draft.column_groups import Group, groups_of
+from dynident.case.draft.column_groups import Group, groups_of, joint_columns
 from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import is_within
 from dynident.errors import nearest
@@ -77,9 +77,9 @@ def without_positions(robot: Robot, header: Sequence[str], positions: Sequence[s
     if own is None:
         return {}
     known = {name for group in groups for name in group.names}
-    found = {}
+    found, alone = {}, joint_columns(header, robot.joint_names)
     for k, name in enumerate(robot.joint_names):
-        others = [group.columns[k] for group in groups if k in group.columns]
+        others = [group.columns[k] for group in groups if k in group.columns] or alone.get(k, [])
         if others and k not in own.columns:
             like = [column.replace(robot.joint_names[j], name) for j, column in own.columns.items()]
             near = nearest(like[0], (column for column in header if column not in known), 0.7)

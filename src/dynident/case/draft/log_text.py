@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.actuators.lerobot_calibration import SHARES
+from dynident.case.draft.column_words import is_pressure
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import has_counts, is_servo_log
@@ -165,7 +166,19 @@ def _column(found: Recognised, signal: str) -> str:
 
 def _missing_effort(found: Recognised) -> str:
     text = f"{_WORDS['torque']} in N m (else state units: torque), one column per joint"
-    return asked("torque", f"{text}; or write current: for motor currents{_refused(found, 'torque')}{_listing(found)}")
+    return asked(
+        "torque",
+        f"{text}; or write current: for motor currents{_refused(found, 'torque')}{_pressures(found)}{_listing(found)}",
+    )
+
+
+def _pressures(found: Recognised) -> str:
+    """Return what is said of pressures, where no torques are there."""
+    names = [name for name in found.header if is_pressure(name)]
+    if not names or found.effort:
+        return ""
+    what = "cylinder forces (pressure times area, of both chambers) times the lever arms are torques"
+    return f"; {few(names, 4)} are pressures by their names: {what}, in columns of their own"
 
 
 def _listing(found: Recognised) -> str:

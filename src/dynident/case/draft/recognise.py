@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.case.draft.column_groups import groups_of_robot, time_columns, unit_of_time
+from dynident.case.draft.column_groups import groups_of_robot, single_temperatures, time_columns, unit_of_time
 from dynident.case.draft.command_pairs import by_commands
 from dynident.case.draft.joint_choice import JointChoice, choose_joints, lacking
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
@@ -20,14 +20,15 @@ from dynident.case.draft.signal_units import (
     HEADER,
     SignalUnit,
     factor_of,
+    of_forces,
     position_factors,
     position_unit,
-    time_unit,
     torque_unit,
 )
 from dynident.case.draft.stated_units import (
     as_header,
     column_groups,
+    is_force,
     stated_unit,
     unit_of_motors,
     units_in_names,
@@ -35,11 +36,12 @@ from dynident.case.draft.stated_units import (
 )
 from dynident.case.draft.stepping_joints import with_held, without_steps
 from dynident.case.draft.tied_columns import without_followers
+from dynident.case.draft.time_unit import time_unit_of, velocity_ratio
 from dynident.case.draft.unnamed_columns import by_structure, with_missing_signals, with_named_efforts
-from dynident.case.draft.yaml_words import listed, quoted
+from dynident.case.draft.yaml_words import few, listed, quoted
 from dynident.case.evidence.positions import STILL, strays, travel
 from dynident.case.evidence.torques import torque_evidence
-from dynident.case.evidence.velocities import is_near, velocity_pair
+from dynident.case.evidence.velocities import is_near
 from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import SUM, TimedTable
 from dynident.data.formats._units import RATED
@@ -86,7 +88,17 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
 
 
 def _with_temperature(found: Recognised, tables: Sequence[LogTable]) -> Recognised:
-    """Return the temperatures of the drives left out where the logs cannot tell what they change."""
+    """Return the temperatures of the drives left out where the logs cannot tell what they change.
+
+    One column that says temperature is that of one sensor for all joints.
+    """
+    names = [] if found.temperature or found.profiles else single_temperatures(found.header)
+    if len(names) == 1:
+        one = SignalSource((names[0],), names[0], "link", "one sensor for all joints")
+        found = replace(found, temperature=one)
+    elif names:
+        text = f"{few(names, 8)}: for the friction part temperature name one column per joint, or one for all"
+        found = replace(found, left_out={**found.left_out, "temperature": text})
     if (source := found.temperature) is None:
         return found
     try:
@@ -97,8 +109,8 @@ def _with_temperature(found: Recognised, tables: Sequence[LogTable]) -> Recognis
     why = "" if changes else "they do not change"
     if lengths != [len(reading.time) for reading in found.readings]:
         why = "cells without a number"
-    if len(source.columns) != len(found.sources["q"].columns) or found.is_large:
-        why = "one column per joint is needed, in logs that are read as a whole"
+    if len(source.columns) not in (1, len(found.sources["q"].columns)) or found.is_large:
+        why = "one column per joint, or one for all, is needed, in logs that are read as a whole"
     text = {"temperature": f"{source.shown()}: for the friction part temperature; {why}"}
     return replace(found, temperature=None, left_out={**found.left_out, **text}) if why else found
 
@@ -163,14 +175,14 @@ def _by_names(found: Recognised) -> Recognised:
 
 def _by_values(found: Recognised) -> Recognised:
     """Return what is recognised once the rows are read: joints, units, band, joints that stand still."""
-    first = found.readings[0]
     units = units_of_profile(found)
+    stated = {signal: stated_unit(found, signal) for signal in found.sources}
     if found.is_clocked:
         made = "the sum of two columns" if SUM.fullmatch(found.time) else f"made of the rate, {found.time}"
         units["time"] = SignalUnit(("s",), True, made)
     elif "time" not in units:
-        units["time"] = _by_velocities(found, time_unit(first.step, unit_of_time(found.time, found.header)))
-    stated = {signal: stated_unit(found, signal) for signal in found.sources}
+        of_motion = stated.get("q", ""), stated.get("dq", "")
+        units["time"] = time_unit_of(found.readings, unit_of_time(found.time, found.header), of_motion)
     tied = None if found.profiles else without_followers(found)
     if tied is not None:
         found = tied
@@ -202,25 +214,9 @@ def _by_values(found: Recognised) -> Recognised:
     factors = position_factors(units["position"], q.shape[1])
     travel = np.ptp(q, axis=0).max() if "q" in found.on_motors else 1.0  # of a motor a turn says nothing of the joint
     bands = [band(r.time * found.to_seconds, r.signals["q"] * factors / max(travel, 1e-300)) for r in found.readings]
-    found = replace(found, band_hz=max(bands))
+    found = replace(found, band_hz=max(bands) if units["time"].words else 0.0)
     found = _with_effort(replace(found, units=units), moving, factors, stated)
     return _with_motion(found, q, factors)
-
-
-def _by_velocities(found: Recognised, told: SignalUnit) -> SignalUnit:
-    """Return the likely unit of the time as certain where velocities are the derivative of the positions by it."""
-    first = found.readings[0]
-    if (
-        told.certain
-        or not told.words
-        or "dq" not in first.signals
-        or first.signals["dq"].shape != first.signals["q"].shape
-    ):
-        return told
-    seconds = first.time * factor_of("time", told.text)
-    if not is_near(_velocity_ratio(seconds, first.signals["q"], first.signals["dq"])):
-        return told
-    return replace(told, certain=True, why=f"{told.why}; in {told.text} velocities are the derivative of the positions")
 
 
 def _with_turns(found: Recognised) -> Recognised:
@@ -273,7 +269,7 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
     evidence = sample = None
     reading = max(found.readings, key=lambda one: one.duration)
     fits_joints = moving is not None and moving.dof == reading.signals["q"].shape[1]
-    if moving is not None and fits_joints and not found.on_motors:
+    if moving is not None and fits_joints and not found.on_motors and units["time"].words:
         order = [found.joints.names.index(name) for name in moving.joint_names]
         q = (reading.signals["q"] * factors)[:, order]
         cutoff = min(cutoff_of(found), 0.2 / (reading.step * found.to_seconds))
@@ -293,6 +289,7 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
         largest = np.abs(np.concatenate([r.signals["torque"] for r in found.readings])).max(axis=0)
         if count and not found.on_motors:
             told = torque_unit(joints, stated["torque"], ratios, telling, largest)
+            told = of_forces(told, joints, stated["torque"]) if is_force(found) else told
             if found.drivers_differ:  # what the profile says stands, unless the robot model's masses are against it
                 told = SignalUnit(units["torque"].words, told.certain or not any(telling), told.why)
             seen = np.abs(ratios[np.asarray(telling, bool)])
@@ -320,7 +317,7 @@ def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
     first = found.readings[0]
     if "dq" in sources and "velocity" not in units:
         seconds = found.to_seconds
-        ratio = _velocity_ratio(first.time * seconds, first.signals["q"] * factors, first.signals["dq"])
+        ratio = velocity_ratio(first.time * seconds, first.signals["q"] * factors, first.signals["dq"])
         stated = stated_unit(found, "dq")
         certain = found.units["position"].certain
         in_stated = ratio * factor_of("velocity", stated) if stated else np.nan
@@ -353,12 +350,6 @@ def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
     return replace(found, sources=sources, left_out=left_out, units=units, still=still)
 
 
-def _velocity_ratio(time: Array, q: Array, dq: Array) -> float:
-    """Return logged velocities over the derivative of the positions, over joints that move; NaN for none."""
-    pair = velocity_pair(time, q, dq)
-    return float("nan") if pair is None or not pair.moving.any() else float(np.median(pair.ratios[pair.moving]))
-
-
 def _all_of_a_kind(found: Recognised) -> bool:
     return found.moving is not None and len({joint.kind for joint in found.moving.active}) == 1
 
@@ -383,9 +374,11 @@ def facts_of(reading: LogReading, seconds: float) -> str:
 
     Args:
         reading: The log.
-        seconds: Factor of its time's unit.
+        seconds: Factor of its time's unit; 0 for unknown.
     """
     rows = f"the first {reading.rows} rows" if reading.is_head else f"{reading.rows} rows"
     if reading.episodes > 1:
         rows = f"{rows} in {reading.episodes} episodes, each a log of its own; the first"
+    if not seconds:
+        return f"{rows}, counted: no rate is known"
     return f"{rows}, {reading.duration * seconds:.4g} s, {1 / (reading.step * seconds):.5g} Hz"

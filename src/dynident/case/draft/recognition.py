@@ -12,7 +12,7 @@ from dynident.case.draft.column_groups import Group
 from dynident.case.draft.joint_choice import JointChoice, without_positions
 from dynident.case.draft.profile_fit import ProfileFit
 from dynident.case.draft.readings import LogReading
-from dynident.case.draft.signal_units import SignalUnit
+from dynident.case.draft.signal_units import SignalUnit, factor_of
 from dynident.case.draft.structure import TableStructure
 from dynident.case.evidence.torques import TorqueEvidence, agrees
 from dynident.data.log import Log
@@ -156,7 +156,7 @@ class Recognised:
     def to_seconds(self) -> float:
         """Factor of the time's unit, the likely one where it is asked."""
         told = self.units.get("time")
-        return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(told.text if told else "s", 1.0)
+        return factor_of("time", told.text) if told and told.words else 1.0
 
     @property
     def on_motors(self) -> tuple[str, ...]:

@@ -140,10 +140,10 @@ def _best(groups: Sequence[Group], joints: int) -> list[Group]:
 
 
 def _distinct(groups: Sequence[Group]) -> list[Group]:
-    """Return groups without those that share columns with an earlier one."""
+    """Return groups without those that share columns with an earlier one; sets of topics by joint names may."""
     found: list[Group] = []
     for group in groups:
-        if not any(set(group.names) & set(other.names) for other in found):
+        if group.named or not any(set(group.names) & set(other.names) for other in found):
             found.append(group)
     return found
 

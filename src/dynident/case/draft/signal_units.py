@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.case.case_values import LEVER_ARM
+from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import STILL, is_plausible
-from dynident.case.evidence.rows import time_units
 from dynident.case.evidence.torques import agrees
 from dynident.data.formats._units import counted_unit, unit_of
 from dynident.model.robot import Joint
@@ -51,18 +52,6 @@ class SignalUnit:
         if len(set(self.words)) <= 1:
             return self.words[0] if self.words else ""
         return f"[{', '.join(self.words)}]"
-
-
-def time_unit(step: float, stated: str) -> SignalUnit:
-    """Return the unit of the time from the median step in the file's unit and from what the header states."""
-    fitting = time_units(step)
-    rates = ", ".join(f"{1 / (step * factor_of('time', word)):.4g} Hz in {word}" for word in fitting[:2])
-    if stated and stated in fitting:
-        return SignalUnit((stated,), True, f"the header states {stated}: {rates.split(',')[0]}")
-    if not stated and "s" in fitting:
-        return SignalUnit(("s",), True, f"{1 / step:.5g} Hz")
-    said = f"the header states {stated}, but steps are {step:.4g}" if stated else f"steps are {step:.4g}"
-    return SignalUnit(fitting[:1], False, f"{said}{f', which is {rates}' if rates else ''}")
 
 
 def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence[str] = ()) -> SignalUnit:
@@ -192,6 +181,15 @@ def torque_unit(
     return SignalUnit(
         () if over or len(seen) else si, False, why + ("; the values exceed the effort limits" if over else "")
     )
+
+
+def of_forces(told: SignalUnit, joints: Sequence[Joint], stated: str) -> SignalUnit:
+    """Return the unit of torques whose names say force, by ``N`` or in a word: asked where a joint turns."""
+    turning = [joint.name for joint in joints if joint.kind == "revolute"]
+    if not turning:
+        return told
+    said = f"{HEADER} N" if stated == "N" else "their names say force"
+    return SignalUnit((), False, f"{said}, and {few(turning, 4)} turn: {LEVER_ARM}; {told.why}")
 
 
 def _fits(q: Array, joints: Sequence[Joint], times: float = 1.0) -> bool:

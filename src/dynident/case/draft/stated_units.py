@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dynident.case.draft.column_groups import Group, groups_of_robot
+from dynident.case.draft.column_words import FORCE_WORDS, tokens_of
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.signal_units import SignalUnit
 
@@ -39,6 +40,13 @@ def units_in_names(found: Recognised, signal: str) -> tuple[str, ...]:
     """Return the units in the names of the columns of a signal where they differ; else nothing."""
     columns = found.sources[signal].columns
     return next((g.units for g in column_groups(found) if g.names == columns), ())
+
+
+def is_force(found: Recognised) -> bool:
+    """Return whether the names of the columns of torques say force: by the unit N of all, or the word and no unit."""
+    stated = stated_unit(found, "torque")
+    words = {word for name in found.sources["torque"].columns for word in tokens_of(name)}
+    return stated == "N" or (not stated and bool(FORCE_WORDS & words))
 
 
 def as_header(told: SignalUnit, units: tuple[str, ...]) -> SignalUnit:

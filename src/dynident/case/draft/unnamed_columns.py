@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.case.draft.column_groups import groups_of_robot
-from dynident.case.draft.column_words import ENABLED, tokens_of
+from dynident.case.draft.column_groups import groups_of_robot, joint_columns
+from dynident.case.draft.column_words import ENABLED, is_pressure, tokens_of
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.signal_choice import choose_signals
@@ -65,6 +65,9 @@ def with_missing_signals(found: Recognised, tables: Sequence[LogTable]) -> tuple
         found, tables = _timed(found, told, tables)
         found = replace(found, structure=replace(told, groups={}, rivals={})) if found.is_clocked else found
     columns = told.groups["torque"].names if "torque" in told.groups and "torque" not in told.rivals else ()
+    places = {name: joint for joint, own in joint_columns(columns, found.joints.names).items() for name in own}
+    if any(places[name] != k for k, name in enumerate(columns) if name in places):
+        columns = ()  # by their names they are those of other joints
     if columns and not has_effort and set(free).issuperset(columns):
         words = tuple(dict.fromkeys(word for name in columns for word in tokens_of(name) if not word.isdigit()))
         torque = SignalSource(columns, "", "link", told.evidence["torque"], words)
@@ -86,6 +89,7 @@ def _timed(
 def _structure(found: Recognised, table: LogTable) -> TableStructure | None:
     """Return what the values of a log say; None where some column holds words."""
     header = (found.time, *found.header) if found.is_clocked else found.header
+    header = tuple(name for name in header if not is_pressure(name))
     try:
         values = next(table.batches(header, ROWS), np.empty((0, len(header))))
     except LogFormatError:

@@ -46,7 +46,8 @@ class ColumnMap:
         torque: Columns of the joint torques.
         current: Columns of the motor currents.
         raw_torque: Columns of the torques before any filter; not read unless named.
-        temperature: Columns of the drives' temperatures in degrees Celsius; not read unless named.
+        temperature: Columns of the drives' temperatures in degrees Celsius, or one column n times, that of a sensor
+            for all; not read unless named.
         q_ref: Columns of the commanded positions; not read unless named.
         dq_ref: Columns of the commanded velocities; not read unless named.
         units: Units of the columns.
@@ -107,7 +108,10 @@ class ColumnMap:
         if self.q == ():
             raise BadOption("q", [], "name the columns of the positions")
         self._check_lengths()
-        used = [self.time, *(name for signal in self.stated().values() for name in signal)]
+        stated = self.stated()
+        if len(set(stated.get("temperature", ()))) == 1:
+            stated["temperature"] = stated["temperature"][:1]
+        used = [self.time, *(name for signal in stated.values() for name in signal)]
         for what, names in (("joints", list(self.joints)), ("columns", used)):
             twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
             if twice:

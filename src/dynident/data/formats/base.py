@@ -152,8 +152,18 @@ def bytes_of(place: Path) -> int:
 
 
 def names_of(columns: ColumnMap) -> list[str]:
-    """Return the columns that a resolved map reads, the time first."""
-    return [columns.time, *(name for signal in columns.stated().values() for name in signal)]
+    """Return the columns that a resolved map reads, each once, the time first."""
+    return list(dict.fromkeys([columns.time, *(name for signal in columns.stated().values() for name in signal)]))
+
+
+def signals_of(columns: ColumnMap, values: Array) -> dict[str, Array]:
+    """Return the signals in SI units, (N, n) each, of rows of the columns of :func:`names_of`, shape (N, k)."""
+    names, found = names_of(columns), dict[str, Array]()
+    for signal, own in columns.stated().items():
+        first, count = names.index(own[0]), len(set(own))
+        each = columns.to_si(signal, values[:, first : first + count])
+        found[signal] = each if count == len(own) else np.repeat(each, len(own), axis=1)
+    return found
 
 
 class Checked:
@@ -176,11 +186,7 @@ class Checked:
             LogFormatError: A cell that is not finite, or time that does not run forward.
         """
         time = self.time(values)
-        chosen, count = self._columns, len(self._columns.joints)
-        signals = {
-            name: chosen.to_si(name, values[:, 1 + k * count : 1 + (k + 1) * count])
-            for k, name in enumerate(chosen.stated())
-        }
+        chosen, signals = self._columns, signals_of(self._columns, values)
         if chosen.wrapped and len(values):
             signals = {name: chosen.counted(name, each, self._counted.get(name)) for name, each in signals.items()}
             self._counted = {name: each[-1] for name, each in signals.items()}

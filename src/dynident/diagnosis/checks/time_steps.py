@@ -1,4 +1,4 @@
-"""Steps of the time: its unit, gaps and jitter."""
+"""Steps of the time: its unit, gaps and jitter, and a cut-off that they cannot carry."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CRAWLS, PLAUSIBLE = 2e-3, (0.02, 1.5)
 
 @dataclass(frozen=True)
 class TimeSteps(Check):
-    """The unit of the time, gaps that cannot be bridged, and jitter."""
+    """The unit of the time, a cut-off that its steps cannot carry, gaps that cannot be bridged, and jitter."""
 
     stage: ClassVar[int] = 0
 
@@ -43,7 +43,7 @@ class TimeSteps(Check):
         middle = float(np.median(steps))
         if not is_step(middle) or _is_slow(subject, middle):
             return [_unit(subject, middle)]
-        return [*_gaps(subject, middle), *_jitter(steps[steps <= LONG * middle], middle)]
+        return [*_cutoff(subject), *_gaps(subject, middle), *_jitter(steps[steps <= LONG * middle], middle)]
 
 
 def _speed_share(subject: CheckedLog) -> float:
@@ -96,6 +96,16 @@ def _unit(subject: CheckedLog, middle: float) -> Finding:
     if is_step(middle):
         evidence += f"; no joint is faster than {_speed_share(subject):.2%} of its speed limit"
     return Finding("error", "time unit", "", evidence, remedy, {"median_step_s": middle})
+
+
+def _cutoff(subject: CheckedLog) -> list[Finding]:
+    """Return what is said of a stated cut-off that the sampling rate cannot carry."""
+    cutoff, rate = subject.case.preprocessing.filter.bandwidth(), subject.sound.log.rate
+    if cutoff is None or cutoff < rate / 2:
+        return []
+    evidence = f"{rate:.4g} samples a second cannot carry a cut-off of {cutoff:g} Hz"
+    remedy = f"state cutoff_hz: auto, or one below {rate / 2:.4g} Hz (preprocessing: filter); or correct units: time"
+    return [Finding("error", "cut-off frequency", "", evidence, remedy, {"cutoff_hz": cutoff, "rate_hz": rate})]
 
 
 def _gaps(subject: CheckedLog, middle: float) -> list[Finding]:
