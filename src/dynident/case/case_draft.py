@@ -133,6 +133,8 @@ def draft_case(
         step = f"it reads {PROFILES.make(profile).time}, {reads}, for each joint of the robot; leave the profile out"
         raise BadOption("profile", profile, step)
     found = replace(found, form=written, is_large=sum(bytes_of(Path(log)) for log in train) > LARGE)
+    lost = dict.fromkeys(table.how.partition("; left out: ")[2] for table in tables)
+    ties += [f"not read: {text}" for text in lost if text]
     remarks = (*ties, *moving_base(found.robot, tables), *_remarks(found))
     files = Files(robot, train, tuple(test), Path(folder))
     text = case_text(found, files, remarks)

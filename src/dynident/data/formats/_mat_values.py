@@ -1,4 +1,4 @@
-"""Values of MATLAB files of version 4 and 5 (6, 7): arrays of real numbers, and structs of them.
+"""Values of MATLAB files of version 4 and 5 (6, 7): arrays of real numbers, structs of them, and text.
 
 Read here and not by a parser in compiled code, where a damaged file can end the process. Every count in the file is
 held against the bytes that are there before anything is made of it. Layout: MathWorks, "MAT-File Format" (R2023b).
@@ -23,17 +23,18 @@ MOST_UNPACKED = 1 << 31
 
 _DEEPEST = 8
 _MATRIX, _COMPRESSED = 14, 15
-_STRUCT, _NUMERIC = 2, range(6, 16)
+_STRUCT, _TEXT, _NUMERIC, _OBJECT = 2, 4, range(6, 16), 17
+_ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16"}
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _COMPLEX = 0x0800
 _KINDS_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
 
 
 def read_values(path: str | Path) -> dict[str, Any]:
-    """Return the arrays of real numbers of a file by name, with those of structs in dictionaries by field.
+    """Return the arrays of real numbers and the text of a file by name, those of structs in dictionaries by field.
 
-    Dimensions of 1 are left out, as far as a vector. Text, cells, complex and sparse arrays, arrays of structs and
-    single numbers are passed over.
+    Arrays of structs are lists of these. Dimensions of 1 are left out, as far as a vector. Objects are the names of
+    their classes, in bytes. Cells, complex and sparse arrays and single numbers are passed over.
 
     Raises:
         OSError: The file cannot be read.
@@ -117,7 +118,10 @@ def _matrix(data: memoryview, order: str, depth: int) -> tuple[str, Any] | None:
     if len(flags) < 1:
         raise ValueError("a variable without flags")
     group = int(flags[0]) & 0xFF
-    if group != _STRUCT and group not in _NUMERIC:
+    if group == _OBJECT:
+        _, _, label, data = _element(data, order)
+        return bytes(label).decode("latin-1"), bytes(_element(_element(data, order)[3], order)[2])
+    if group not in (_STRUCT, _TEXT, *_NUMERIC):
         return None
     dimensions, data = _numbers(data, order)
     shape = tuple(int(x) for x in dimensions)
@@ -126,7 +130,12 @@ def _matrix(data: memoryview, order: str, depth: int) -> tuple[str, Any] | None:
     if len(shape) < 2 or min(shape) < 0:
         raise ValueError(f"'{name[:60]}' has no dimensions")
     if group == _STRUCT:
-        return (name, _fields(data, order, depth + 1)) if math.prod(shape) == 1 and depth < _DEEPEST else None
+        return (name, _fields(data, order, depth + 1, math.prod(shape))) if depth < _DEEPEST else None
+    if group == _TEXT:
+        kind, _, content, _ = _element(data, order)
+        encoding = _ENCODINGS.get(kind, "latin-1")
+        ordered = encoding + {"<": "-le", ">": "-be"}[order] * (encoding == "utf-16")
+        return name, bytes(content).decode(ordered, errors="replace")
     if int(flags[0]) & _COMPLEX:
         return None
     values, _ = _numbers(data, order)
@@ -140,22 +149,25 @@ def _shaped(name: str, values: Array, shape: tuple[int, ...]) -> tuple[str, Arra
     return (name, values.reshape(narrow, order="F")) if narrow else None
 
 
-def _fields(data: memoryview, order: str, depth: int) -> dict[str, Any]:
+def _fields(data: memoryview, order: str, depth: int, count: int) -> Any:
+    """Return the fields of a struct by name; of an array of so many structs a list of them."""
     lengths, data = _numbers(data, order)
     kind, _, names, data = _element(data, order)
     width = int(lengths[0]) if len(lengths) else 0
     if kind not in (1, 2) or width < 1 or len(names) % width:
         raise ValueError("a struct without names of its fields")
-    found: dict[str, Any] = {}
-    for start in range(0, len(names), width):
-        name = bytes(names[start : start + width]).split(b"\0")[0].decode("latin-1")
-        kind, count, content, data = _element(data, order)
-        if kind != _MATRIX:
-            raise ValueError(f"the field '{name[:60]}' is no variable")
-        value = _matrix(content, order, depth) if count else None
-        if value is not None:
-            found[name] = value[1]
-    return found
+    found = list[dict[str, Any]]()
+    for _ in range(count if len(names) else 0):
+        found.append({})
+        for start in range(0, len(names), width):
+            name = bytes(names[start : start + width]).split(b"\0")[0].decode("latin-1")
+            kind, size, content, data = _element(data, order)
+            if kind != _MATRIX:
+                raise ValueError(f"the field '{name[:60]}' is no variable")
+            value = _matrix(content, order, depth) if size else None
+            if value is not None:
+                found[-1][name] = value[1]
+    return found[0] if len(found) == 1 else found
 
 
 def _read_4(stream: io.BufferedReader, size: int) -> Iterator[tuple[str, Any]]:

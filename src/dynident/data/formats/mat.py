@@ -19,14 +19,19 @@ from dynident.errors import LogFormatError, MissingDependency
 
 _MAX_BYTES, _MOST_BYTES = 1 << 30, 1 << 44
 _STEP = "save plain arrays in MATLAB: save('log.mat', 't', 'q', 'tau'); tables and timeseries objects cannot be read"
+_EXPORT = (
+    "save 'Structure With Time', or arrays: t = x.Time; q = squeeze(x.Data); of each timeseries x, which of a Dataset "
+    "is x = logsout{1}.Values"
+)
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_DEEPEST = 8
+_DEEPEST, _MOST_STRUCTS = 8, 4096
 
 
 @dataclass(frozen=True)
 class Mat(LogFormat):
     """MATLAB or HDF5 file; a matrix q is the columns q1, ..., qn, a field of a struct or what a group holds is data.q.
 
+    Signals of Simulink's structures have their labels, ``ScopeData.q1``, else ``ScopeData.signals(1).values1``.
     HDF5, which is MATLAB's version 7.3, needs the extra ``mat``.
     """
 
@@ -52,17 +57,33 @@ def _old(path: str | Path, digest: str) -> ArrayTable:
     except (ValueError, OSError) as error:
         evidence = f"it does not read as a MATLAB file, or is damaged: {error}"
         raise LogFormatError(path, None, evidence, _STEP) from error
-    arrays = dict(_walk_values(data, "", 0))
+    walked = dict(_walk_values(data, "", 0))
+    arrays = {name: value for name, value in walked.items() if not isinstance(value, bytes)}
+    objects = [f"{name} ({value.decode('latin-1')})" for name, value in walked.items() if isinstance(value, bytes)]
+    how = "MATLAB file" + f"; left out: {', '.join(objects)}: {_EXPORT}" * bool(objects)
+    if objects and not arrays:
+        raise LogFormatError(path, None, f"it holds objects of MATLAB alone: {', '.join(objects[:4])}", _EXPORT)
     found = columns_of(path, {name: array.shape for name, array in arrays.items()}, number_vectors=False)
-    return replace(ArrayTable.of(path, digest, "MATLAB file", found), load=arrays.__getitem__)
+    return replace(ArrayTable.of(path, digest, how, found), load=arrays.__getitem__)
 
 
-def _walk_values(data: dict[str, Any], above: str, depth: int) -> Iterator[tuple[str, Array]]:
-    for name, value in data.items():
-        if isinstance(value, dict) and depth < _DEEPEST:
-            yield from _walk_values(value, f"{above}{name}.", depth + 1)
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
-            yield f"{above}{name}", value
+def _walk_values(data: dict[str, Any], above: str, depth: int) -> Iterator[tuple[str, Array | bytes]]:
+    """Yield name and values of every array of numbers, and the class of every object."""
+    for name, value in data.items() if depth < _DEEPEST else ():
+        many = value if isinstance(value, list) else [value]
+        labels = [_label(one.get("label")) if isinstance(one, dict) and "values" in one else "" for one in many]
+        for k, (one, label) in enumerate(zip(many, labels, strict=True), 1):
+            if label not in ("", *data) and labels.count(label) == 1 and isinstance(one["values"], np.ndarray):
+                yield f"{above}{label}", one["values"]
+            elif isinstance(one, dict):
+                yield from _walk_values(one, f"{above}{name}{f'({k})' * (len(many) > 1)}.", depth + 1)
+            elif isinstance(one, bytes) or (isinstance(one, np.ndarray) and one.dtype.kind in "fiub"):
+                yield f"{above}{name}", one
+
+
+def _label(text: object) -> str:
+    """Return the label of a signal as the name of a column; empty for none."""
+    return " ".join(text.strip("<> ").split()) if isinstance(text, str) else ""
 
 
 def _new(path: str | Path, digest: str) -> ArrayTable:
@@ -111,7 +132,8 @@ def _parts(path: str | Path, count: int, name: str, rows: int) -> Iterator[Array
 
 
 def _walk_groups(h5py: Any, group: Any, above: str, depth: int) -> Iterator[tuple[str, Any]]:
-    """Yield name and data set of every array of numbers."""
+    """Yield name and data set of every array of numbers; those of arrays of structs are behind references."""
+    labels = [_label("".join(map(chr, np.ravel(one[()])))) for one in _structs(h5py, group, "label")]
     for name in group:
         if isinstance(name, bytes):
             raise ValueError(f"the name {name[:60]!r} is not UTF-8")
@@ -121,5 +143,19 @@ def _walk_groups(h5py: Any, group: Any, above: str, depth: int) -> Iterator[tupl
         item = group[name]
         if isinstance(item, h5py.Group) and depth < _DEEPEST:
             yield from _walk_groups(h5py, item, f"{above}{name}.", depth + 1)
-        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub":
-            yield f"{above}{name}", item
+        items = _structs(h5py, group, name)
+        for k, one in enumerate(items):
+            if name == "values" and labels[k : k + 1] not in ([], [""]) and labels.count(labels[k]) == 1:
+                yield f"{above[: above.rfind('.', 0, -1) + 1]}{labels[k]}", one
+            else:
+                yield f"{above[:-1]}({k + 1}).{name}" if len(items) > 1 else f"{above}{name}", one
+
+
+def _structs(h5py: Any, group: Any, name: str) -> list[Any]:
+    """Return the data set of numbers of a field; of arrays of structs, where references stand, one of each."""
+    item = group.get(name)
+    if not isinstance(item, h5py.Dataset) or "MATLAB_object_decode" in item.attrs:
+        return []
+    is_array = h5py.check_ref_dtype(item.dtype) is not None and item.size <= _MOST_STRUCTS
+    items = [group.file[one] for one in np.ravel(item[()]) if one] if is_array else [item]
+    return [one for one in items if isinstance(one, h5py.Dataset) and one.dtype.kind in "fiub"]
