@@ -28,6 +28,8 @@ SOUND = {"t": np.arange(6.0), "q": np.arange(12.0).reshape(6, 2), "tau": np.ones
 def mat(folder: Path, **options: Any) -> Path:
     scipy_io = pytest.importorskip("scipy.io")
     nested = {"data": {"x": np.arange(6, dtype=np.float32), "in": {"y": np.eye(6)[0]}, "note": "text"}}
+    many = [(SOUND["t"], "q"), (SOUND["q"], "tau")]
+    nested["many"] = np.array(many, dtype=[("values", object), ("label", object)])  # type: ignore[assignment]
     content = SOUND if options.get("format") == "4" else {**SOUND, **nested, "z": np.array([1j, 2.0])}
     scipy_io.savemat(folder / "run.mat", content, **options)
     return folder / "run.mat"
@@ -44,7 +46,9 @@ def test_values_of_a_matlab_file_are_those_of_scipy(tmp_path: Path, options: dic
     if "format" not in options:
         np.testing.assert_array_equal(found["data"]["x"], known["data"]["x"], strict=True)
         np.testing.assert_array_equal(found["data"]["in"]["y"], known["data"]["in"]["y"], strict=True)
-        assert "note" not in found["data"] and "z" not in found
+        assert found["data"]["note"] == "text" and "z" not in found
+        assert [one["label"] for one in found["many"]] == ["q", "tau"]
+        np.testing.assert_array_equal(found["many"][1]["values"], SOUND["q"], strict=True)
 
 
 @pytest.mark.parametrize("options", [{"format": "4"}, {}, {"do_compression": True}], ids=["4", "5", "5 packed"])

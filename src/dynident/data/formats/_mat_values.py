@@ -21,7 +21,7 @@ from dynident.arrays import Array
 #: Bytes that the compressed variables of a file may unpack to, all together.
 MOST_UNPACKED = 1 << 31
 
-_DEEPEST = 8
+_DEEPEST, MOST_STRUCTS = 8, 1 << 12
 _MATRIX, _COMPRESSED = 14, 15
 _STRUCT, _TEXT, _NUMERIC, _OBJECT = 2, 4, range(6, 16), 17
 _ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16"}
@@ -130,7 +130,8 @@ def _matrix(data: memoryview, order: str, depth: int) -> tuple[str, Any] | None:
     if len(shape) < 2 or min(shape) < 0:
         raise ValueError(f"'{name[:60]}' has no dimensions")
     if group == _STRUCT:
-        return (name, _fields(data, order, depth + 1, math.prod(shape))) if depth < _DEEPEST else None
+        is_read = depth < _DEEPEST and math.prod(shape) <= MOST_STRUCTS
+        return (name, _fields(data, order, depth + 1, math.prod(shape))) if is_read else None
     if group == _TEXT:
         kind, _, content, _ = _element(data, order)
         encoding = _ENCODINGS.get(kind, "latin-1")

@@ -13,7 +13,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.formats._arrays import ArrayTable, checked_file, columns_of
-from dynident.data.formats._mat_values import read_values
+from dynident.data.formats._mat_values import MOST_STRUCTS, read_values
 from dynident.data.formats.base import LogFormat
 from dynident.errors import LogFormatError, MissingDependency
 
@@ -24,7 +24,7 @@ _EXPORT = (
     "is x = logsout{1}.Values"
 )
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_DEEPEST, _MOST_STRUCTS = 8, 4096
+_DEEPEST = 8
 
 
 @dataclass(frozen=True)
@@ -156,6 +156,6 @@ def _structs(h5py: Any, group: Any, name: str) -> list[Any]:
     item = group.get(name)
     if not isinstance(item, h5py.Dataset) or "MATLAB_object_decode" in item.attrs:
         return []
-    is_array = h5py.check_ref_dtype(item.dtype) is not None and item.size <= _MOST_STRUCTS
+    is_array = h5py.check_ref_dtype(item.dtype) is not None and item.size <= MOST_STRUCTS
     items = [group.file[one] for one in np.ravel(item[()]) if one] if is_array else [item]
     return [one for one in items if isinstance(one, h5py.Dataset) and one.dtype.kind in "fiub"]
