@@ -133,9 +133,7 @@ def draft_case(
         step = f"it reads {PROFILES.make(profile).time}, {reads}, for each joint of the robot; leave the profile out"
         raise BadOption("profile", profile, step)
     found = replace(found, form=written, is_large=sum(bytes_of(Path(log)) for log in train) > LARGE)
-    lost = dict.fromkeys(table.how.partition("; left out: ")[2] for table in tables)
-    ties += [f"not read: {text}" for text in lost if text]
-    remarks = (*ties, *moving_base(found.robot, tables), *_remarks(found))
+    remarks = (*ties, *_unread(tables), *moving_base(found.robot, tables), *_remarks(found))
     files = Files(robot, train, tuple(test), Path(folder))
     text = case_text(found, files, remarks)
     return Draft(text, remarks, questions_in(text), found, files)
@@ -276,6 +274,12 @@ def _is_table(table: LogTable) -> bool:
         )
     table.columns(names[:1])
     return True
+
+
+def _unread(tables: Sequence[LogTable]) -> list[str]:
+    """Return what files hold and no format reads."""
+    texts = dict.fromkeys(table.how.partition("; left out: ")[2] for table in tables)
+    return [f"not read: {text}" for text in texts if text]
 
 
 def _remarks(found: Recognised) -> list[str]:
