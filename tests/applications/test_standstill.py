@@ -183,7 +183,7 @@ def test_training_errors_count_samples_at_rest_so(
     np.testing.assert_array_equal(found.predicted, full.predicted)
     assert found.total_relative_error < 0.3 * full.total_relative_error
     assert [each["name"] for each in found.at_rest] == list(planar_2r.joint_names)
-    assert rest_words(found).endswith("by what static friction cannot hold") and rest_words(full).endswith("in full")
+    assert rest_words(found).endswith("static friction cannot hold") and rest_words(full).endswith("in full")
     assert of_training(full, found) == f"; the training error {rest_words(full)}" and not of_training(found, found)
     write_estimate(estimate, tmp_path / "own.json")
     again = read_estimate(tmp_path / "own.json").train

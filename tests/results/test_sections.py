@@ -135,7 +135,8 @@ def test_the_verdict_says_what_the_rows_at_rest_do(case: tuple[Estimate, Validat
     assert found["sentences"][1] == f"It {full}; without them it is 3.6 %."
     held = (test.predicted - 100.0, test.predicted + 100.0)
     found = context("verdict", replace(subject, tests=(replace(test, moving=moving, held=held),)))
-    assert found["sentences"][1].startswith("It counts samples at rest by what static friction cannot hold; without ")
+    assert found["sentences"][1].startswith("It counts of samples at rest only the torque that static friction")
+    assert found["sentences"][1].split("; ")[0].endswith("cannot hold")
 
 
 def test_the_verdict_on_a_bad_model(case: tuple[Estimate, Validation]) -> None:

@@ -288,8 +288,9 @@ def total_error(validation: Validation) -> str:
 
 def rest_words(validation: Validation) -> str:
     """Return what an error counts of the samples at rest, as ``it counts ...``; empty where no joint rests."""
-    how = "in full" if validation.held is None else "by what static friction cannot hold"
-    return f"counts samples at rest {how}" if validation.rests else ""
+    part = "of samples at rest only the torque that static friction cannot hold"
+    how = "samples at rest in full" if validation.held is None else part
+    return f"counts {how}" if validation.rests else ""
 
 
 def fits_table(validation: Validation, moving: bool = False) -> Table:
