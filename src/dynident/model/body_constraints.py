@@ -18,10 +18,8 @@ from dynident.model.robot import Robot
 
 AXES = ("x", "y", "z")
 
-#: What bodies a fit may find: any of positive density, those within bounds that follow from the robot model, or these
-#: where the model states inertias or shapes and else any.
+#: Bodies of a fit: of positive density, within bounds from the robot model, or these but in a metric of the user's own.
 BODIES = ("free", "plausible", "auto")
-
 
 #: Towards faces, edges and corners of a cube, one of each opposite pair, and the least square of the cosine between any
 #: direction and the nearest of them: that of the point as far from a face, an edge and a corner.
@@ -121,6 +119,7 @@ class BodyConstraints:
         symmetry: Planes of symmetry: position in m of the plane along each axis that it is normal to.
         thickness: Least root mean square distance of the matter from any plane through the centre of mass, in m.
         reach: How far a body of equal density with these moments may reach, in half widths of the ellipsoid; 0: any.
+        filled: Ellipsoid that a uniform body of the link fills where that is less than ``body_ellipsoid``.
         quadrics: Q with (x, 1)' Q (x, 1) >= 0 wherever matter can be, shape (4, 4) each.
     """
 
@@ -133,6 +132,7 @@ class BodyConstraints:
     thickness: float = 0.0
     reach: float = 0.0
     quadrics: tuple[Array, ...] = ()
+    filled: Ellipsoid | None = None
 
     def __post_init__(self) -> None:
         if not self.mass.high > 0:

@@ -13,8 +13,9 @@ from dynident.model.inertia import PSEUDO_BASIS, Inertia
 from dynident.model.robot import Link, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
-#: Radius of a link without shapes as a share of the length to its children, and the least radius, in m.
-RADIUS_SHARE, LEAST_RADIUS = 0.15, 0.04
+#: Radius of a link without shapes as a share of the length to its children, and the least radius, in m; without mass
+#: the size has a share of the longest of these lengths to spare: 95 % of the links of published robots stay within.
+RADIUS_SHARE, LEAST_RADIUS, UNKNOWN_SHARE = 0.15, 0.04, 0.25
 
 #: Least mean density of a link with its motors and hollow spaces, in kg/m^3: its nominal mass takes up that volume.
 LEAST_DENSITY = 1000.0
@@ -50,13 +51,14 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
     The ellipsoid holds the link's shapes and a possible nominal body that reaches beyond them (neither is proof against
     the other); without shapes, or with a mesh that is not read, balls about the frame of the link, those of its
     children, the named frames on it and the nominal centre of mass, and the nominal body as far as it can be a link.
-    One far lighter than links are says nothing about a size.
+    One far lighter than links are says nothing about a size. Without shapes and mass the size is all but unknown.
     Matter as far as the minimum thickness from every plane is further than sqrt(2) times that from every axis.
     """
     known = stated or Constraints()
     masses = [link.inertia.mass if link.inertia is not None else 0.0 for link in robot.links]
     bodies: dict[str, BodyConstraints] = {}
     clouds = [link_points(robot, i) for i in range(len(robot.links))]
+    spare = UNKNOWN_SHARE * max(np.linalg.norm(joint.translation) * (joint.parent >= 0) for joint in robot.joints)
     for link, points, ellipsoid, mass in zip(robot.links, clouds, bounding_ellipsoids(clouds), masses, strict=True):
         body = known.links.get(link.name, BodyConstraints())
         full = [solid for solid in link.solids if np.sum(solid.pseudo * ellipsoid.quadric) > 0.0]
@@ -64,11 +66,13 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
         thin = [UNIFORM_SHARE * _equal_density(solid)[0][0] for solid in full] or [share * min(ellipsoid.semi_axes)]
         thickness = float(min(GYRATION_SHARE * extent_of(points) / np.sqrt(2.0), min(thin) / np.sqrt(5.0)))
         if body.body_ellipsoid is None and body.body_box is None:
-            wide = outgrown(link, ellipsoid)
-            space = wide or ellipsoid
+            wide, is_known = outgrown(link, ellipsoid), mass > 0 or len(shape_points(link)) > 0
+            space = wide or (ellipsoid if is_known else replace(ellipsoid, semi_axes=ellipsoid.semi_axes + spare))
             quadrics, reach = (link.quadrics, ENDS_REACH) if link.quadrics and not wide else ((), REACH)
             reach = max([reach, *(SOLID_REACH * _reach_of(solid.pseudo / solid.mass, space) for solid in full)])
-            body = replace(body, body_ellipsoid=space, reach=reach, quadrics=quadrics)
+            body = replace(
+                body, body_ellipsoid=space, reach=reach, quadrics=quadrics, filled=None if is_known else ellipsoid
+            )
         if body.mass == ValueRange() and mass > 0:
             body = replace(body, mass=ValueRange(mass / MASS_FACTOR, mass * MASS_FACTOR))
         bodies[link.name] = replace(body, thickness=body.thickness or thickness)
@@ -261,7 +265,7 @@ def bounding_ellipsoids(clouds: Sequence[Array], tolerance: float = 0.05) -> lis
 
 def uniform_body(known: BodyConstraints) -> Inertia:
     """Return the body of density 1 kg/m^3 that fills the ellipsoid of a link, or the ellipsoid inside its box."""
-    space = known.body_ellipsoid
+    space = known.filled or known.body_ellipsoid
     if space is None:
         box = known.body_box
         assert box is not None  # plausible bounds have one of the two

@@ -53,7 +53,13 @@ def range_end(value: float | None) -> str:
 def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
     """Return which nominal inertias are missing, impossible or no bodies of their link's size, and what is taken."""
     lines, defects, light = [], consistency_defects(robot.links), _weightless(robot)
-    if names := ", ".join(label(name) for name in facts.uniform if name not in defects):
+    if facts.massless:
+        links = "all links" if len(facts.massless) == len(robot.links) else ", ".join(map(label, facts.massless))
+        why = "the log does not determine them, and the robot model states none"
+        lines.append(
+            f"masses of {links} are not known: {why}; state them there, or mass or total_mass in the constraints"
+        )
+    if names := ", ".join(label(name) for name in facts.uniform if name not in (*defects, *facts.massless)):
         lines.append(f"no inertia of {names} in the robot model: a uniform body is the reference; state it there")
     if names := "; ".join(f"{label(name)}, {defects[name]}" for name in facts.uniform if name in defects):
         what = f"impossible inertia in the robot model: {names}"
@@ -114,7 +120,13 @@ def links_without_size(robot: Robot) -> list[str]:
     for i, link in enumerate(robot.links):
         places = [joint.translation for joint in robot.joints if joint.parent == i]
         places += [frame.translation for frame in robot.frames.values() if frame.link == i]
-        if link.name not in light and not len(shape_points(link)) and not np.any(places):
+        if (
+            link.name not in light
+            and link.inertia is not None
+            and link.inertia.mass > 0
+            and not len(shape_points(link))
+            and not np.any(places)
+        ):
             found.append(link.name)
     return found
 

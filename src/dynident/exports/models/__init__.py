@@ -101,7 +101,13 @@ def export_model(
         motion=simulated,
         left_out=content.left_out,
         neglected=neglected_torque(subject, content.left_out),
-        notes=(*_relaxed(estimate), *subject.notes, *(() if part.remembers else subject.slipped), *content.notes),
+        notes=(
+            *_relaxed(estimate),
+            *_unknown_masses(estimate),
+            *subject.notes,
+            *(() if part.remembers else subject.slipped),
+            *content.notes,
+        ),
     )
 
 
@@ -113,6 +119,15 @@ def _relaxed(estimate: Estimate) -> list[str]:
         return []
     bounds = ", ".join(one.name if one.name == TOTAL_MASS else f"{one.bound} of {one.name}" for one in named)
     return [f"beyond the bounds that the robot model gives, as the data contradict them: {bounds}; check these bodies"]
+
+
+def _unknown_masses(estimate: Estimate) -> list[str]:
+    """Return the note about masses that nothing determines, if there are some."""
+    facts, count = Plausibility.of(estimate.run), len(estimate.model.robot.links)
+    if facts is None or not facts.massless:
+        return []
+    links = "all links" if len(facts.massless) == count else ", ".join(facts.massless)
+    return [f"masses of {links} are not known: torques are right, the bodies are one choice of many; state masses"]
 
 
 def _check_part(part: ModelExporter, description: str | Path | None) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
@@ -51,8 +51,6 @@ _THIN = 1e-6
 Metric: TypeAlias = Literal["natural", "pull_back", "entropic"]
 
 METRICS: tuple[Metric, ...] = ("natural", "pull_back", "entropic")
-
-Path: TypeAlias = Callable[[Program], ConicCandidate]
 
 
 @dataclass(frozen=True)
@@ -175,12 +173,6 @@ def lifted(bodies: Array) -> Array:
     return np.einsum("lij,lj,lkj->lik", vectors, values, vectors)
 
 
-def paths_of(program: Program) -> dict[str, Path]:
-    """Return the ways to solve a program, the first choice first."""
-    first = "Clarabel with exponential cones" if program.weight else "Clarabel"
-    return {first: solve_conic, "log-det barrier": solve_barrier}
-
-
 def _check_room(program: Program) -> None:
     rules = program.conditions
     place = program.start + 1e-3 * (np.arange(rules.size) >= 10 * program.links)  # the prior with a little friction
@@ -233,7 +225,8 @@ def solve_program(program: Program, stated: bool = False) -> Answer:
 def _best_answer(program: Program, failed: list[str]) -> Answer | None:
     """Return the first answer with a good gap, else the best fair one; what paths lack is added to ``failed``."""
     fair: list[Answer] = []
-    for name, path in paths_of(program).items():
+    first = "Clarabel with exponential cones" if program.weight else "Clarabel"
+    for name, path in ((first, solve_conic), ("log-det barrier", solve_barrier)):
         try:
             raw = path(program)
         except (ValueError, np.linalg.LinAlgError, FloatingPointError) as error:

@@ -41,8 +41,6 @@ def labels_of(estimate: Estimate) -> tuple[Label, ...]:
 
 def label_word(verdict: str, share: float | None) -> str:
     """Return the word of a label from the verdict of the base parameters and the share of the data."""
-    if verdict == IDENTIFIABLE:
-        return IDENTIFIED if share is None or share >= MOSTLY_DATA else NOT_DETERMINED
-    if verdict == COMBINED:
-        return ONLY_COMBINED if share is None or share >= HARDLY_DATA else NOT_DETERMINED
-    return NOT_DETERMINED
+    words = {IDENTIFIABLE: (IDENTIFIED, MOSTLY_DATA), COMBINED: (ONLY_COMBINED, HARDLY_DATA)}
+    word, least = words.get(verdict, (NOT_DETERMINED, 0.0))
+    return word if share is None or share >= least else NOT_DETERMINED

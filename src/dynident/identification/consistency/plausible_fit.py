@@ -10,17 +10,15 @@ the nominal pseudo-inertias P_i0 is the entropic one (Lee, Wensing and Park 2020
 Where no bodies are stated P_i0 is the uniform body that fills the geometry; the density of all of them is that of the
 fit within the bounds alone. A link whose mass range is relaxed has the mass of that fit in P_i0.
 
-The weight v is the largest for which the cost rises by no more than the data's own noise,
-
+The weight v is the largest with which the cost rises by the data's own noise at most,
     r (|A phi_v - y|^2 - |A phi_0 - y|^2) / s^2 <= f chi^2_0.95(b),
 
 the joint 95 % region of the b base parameters (Seber and Wild 2003, (5.3)), f the least correlation factor of a joint's
 residual. Correlation that comes of what the model lacks recurs in other logs, so the residual rises by :data:`PRICE` of
 itself at most; f = 1, rows taken as independent, may always be used.
 
-A possible nominal body that reaches beyond the shapes of its link is within its size: neither is proof against the
-other. One that does not meet the bounds of its link is replaced by the nearest one of its mass that does; where it is
-lighter than links are, an inertia that is a placeholder, by the uniform body of its mass.
+A nominal body that does not meet the bounds of its link is replaced by the nearest one of its mass that does; where it
+is lighter than links are, an inertia that is a placeholder, by the uniform body of its mass.
 
 A mass range or a size is contradicted where the cost without it is lower by more than a quantile of chi-square at 5 %
 over all of them (Bonferroni), the cost of each joint over its correlation factor; with one degree of freedom for a mass
@@ -57,6 +55,7 @@ from dynident.identification.problem.prior import BodyPrior, Scale
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.covariance import correlation_of
 from dynident.identification.residuals.quantiles import chi_square_quantile
+from dynident.model.base_parameters import IDENTIFIABLE
 from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange, box_quadrics
 from dynident.model.inertia import PSEUDO_BASIS, Inertia
 from dynident.model.plausible import is_too_light, outgrown, plausible_constraints, uniform_body, wider_bounds
@@ -144,7 +143,9 @@ def plausible_fit(
         moved = tuple(name for name, is_moved in zip(names, fitted, strict=True) if is_moved and name not in uniform)
         wide = tuple(link.name for link in model.robot.links if whole.links[link.name].reach and outgrown(link))
         rise = cost_of(program, answer, rows) - cost_of(program, inner, rows)
-        facts = Plausibility(weight, rise, limit, contradicted, tuple(uniform), moved, wide)
+        seen = {name for name, verdict in zip(names, base.verdicts[9::10], strict=False) if verdict == IDENTIFIABLE}
+        massless = tuple(name for name in uniform if name not in seen and whole.links[name].mass == ValueRange())
+        facts = Plausibility(weight, rise, limit, contradicted, tuple(uniform), moved, wide, massless)
         return PlausibleFit(judged(answer, scale), answer.program, facts, (pulled, place, limit / rows))
 
 

@@ -44,6 +44,7 @@ class Plausibility:
         uniform: Links without a possible nominal inertia: the pull is to the uniform body that fills the geometry.
         fitted: Links whose nominal inertia breaks their bounds: the pull is to the nearest body that meets them.
         widened: Links whose possible nominal inertia reaches beyond their shapes: the size that bounds them holds both.
+        massless: Links whose mass neither data nor robot model nor constraints determine.
         free_beta: Base parameters of the fit without bounds and pull, b of them.
         ranges: Least and largest value of each standard parameter within the bounds and the limit of the cost, p pairs;
             infinite where nothing holds it, NaN where none is proven; empty where they were not asked for.
@@ -56,6 +57,7 @@ class Plausibility:
     uniform: tuple[str, ...]
     fitted: tuple[str, ...] = ()
     widened: tuple[str, ...] = ()
+    massless: tuple[str, ...] = ()
     free_beta: tuple[float, ...] = ()
     ranges: tuple[tuple[float, float], ...] = ()
 
@@ -66,7 +68,7 @@ class Plausibility:
         if stated is None:
             return None
         contradicted = tuple(ContradictedBound(**{"bound": "mass", **item}) for item in stated["contradicted"])
-        tuples = {key: tuple(stated.get(key, ())) for key in ("uniform", "fitted", "widened", "free_beta")}
+        tuples = {key: tuple(stated.get(key, ())) for key in ("uniform", "fitted", "widened", "massless", "free_beta")}
         return cls(**{**stated, **tuples, "contradicted": contradicted})
 
 

@@ -46,7 +46,7 @@ class Consistent(Estimator):
         margin: Smallest eigenvalue of each link's scaled pseudo-inertia: how far inside the possible it stays.
         metric: How far a body is from the prior: `natural` sizes, constant `pull_back` metric, or `entropic` (log-det).
         bodies: `free`: consistent; `plausible`: also within bounds from the robot model, near it where the data allow;
-            `auto`: plausible where that states inertias or shapes and `metric` is `natural`.
+            `auto`: plausible where `metric` is `natural`.
         ranges: Find the range of each standard parameter within the bounds of plausible bodies and the noise.
     """
 
@@ -78,8 +78,7 @@ class Consistent(Estimator):
         return self.pull
 
     def _bounded(self, problem: Problem) -> bool:
-        stated = any(link.inertia is not None or link.shapes or link.visuals for link in problem.model.robot.links)
-        return self.bodies == "plausible" or (self.bodies == "auto" and self.metric == "natural" and stated)
+        return self.bodies == "plausible" or (self.bodies == "auto" and self.metric == "natural")
 
     def refit(self, problem: Problem, run: MethodRun | None = None) -> Callable[[Reduced], Array]:
         scale = scale_of(problem)
