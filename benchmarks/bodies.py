@@ -15,7 +15,9 @@ Time: the fit within bounds, pulled and proved, over the row ``consistent_fit`` 
 Shapes: of random bodies that one ellipsoid, its slabs and the least thickness allow, the share that no body in the
 ellipsoids about each shape can be (a conic program each), and the share that the quadrics of the link refuse.
 
-Run: python -m benchmarks.bodies [real|truth|weights|time|shapes]
+Bare: as real, of robot models whose inertias and shapes are taken away.
+
+Run: python -m benchmarks.bodies [real|bare|truth|weights|time|shapes]
 """
 
 from __future__ import annotations
@@ -97,8 +99,17 @@ def figures_of(robot, theta):
     return np.array(rows), known[:, 0].sum() / max(known[:, 1].sum(), 1e-300)
 
 
-def real():
-    """Print the links of each run in the robot model, free and plausible, and the test errors."""
+def without_bodies(robot):
+    """Return the robot without inertias and shapes, as a DH table states it."""
+    links = [replace(link, inertia=None, shapes=(), visuals=(), quadrics=()) for link in robot.links]
+    return replace(robot, links=tuple(links))
+
+
+def real(bare=False):
+    """Print the links of each run in the robot model, free and plausible, and the test errors.
+
+    ``bare``: the fits know of the robot model its kinematics alone.
+    """
     heads = (
         "case",
         "data",
@@ -117,10 +128,12 @@ def real():
         if not test:
             continue
         more = tuple(FRICTION.make(part) for part in change.get("friction") or ())
-        model = replace(case.model, friction=(*case.friction, *more))
+        given = case.model.robot
+        known = without_bodies(given) if bare else given
+        model = replace(case.model, robot=known, friction=(*case.friction, *more))
         problem = build_problem(model, train, how_of(case, change))
         prepared = [preprocess(log.ordered(model.robot.joint_names), problem.preprocessing) for log in test]
-        bodies = {"robot model": model.robot.nominal}
+        bodies = {"robot model": given.nominal}
         errors = []
         for kind, estimator in (("free", Consistent(bodies="free")), ("plausible", PLAUSIBLE)):
             estimate = fit(problem, estimator)
@@ -129,7 +142,7 @@ def real():
         facts = Plausibility.of(estimate.run)
         named = ", ".join(f"{one.bound} of {one.name} ({100 * one.gain:.2g} %)" for one in facts.contradicted) or "none"
         for kind, theta in bodies.items():
-            rows, total = figures_of(model.robot, theta)
+            rows, total = figures_of(given, theta)
             masses = f"{np.nanmin(rows[:, 0]):.2f} to {np.nanmax(rows[:, 0]):.2f}"
             figures = f"{masses} | {total:.2f} | {np.min(rows[:, 1]):.3f} | {np.max(rows[:, 2]):.2f}"
             print(f"| {name} | {data} | {kind} | {figures} | {named if kind == 'plausible' else ''} |", flush=True)
@@ -385,6 +398,8 @@ def main() -> None:
     wanted = sys.argv[1:] or ["real", "truth"]
     if "real" in wanted:
         real()
+    if "bare" in wanted:
+        real(bare=True)
     if "truth" in wanted:
         print()
         truth()
