@@ -175,7 +175,7 @@ def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) 
 def test_a_link_without_size_or_possible_inertia_is_named(folder: Path, capsys: Capture) -> None:
     out = shown(capsys, "--bodies", "plausible")
     assert "no size known for link2: taken from the nominal centre of mass; give shapes" in out
-    assert "impossible" not in out and "no inertia of" not in out
+    assert "impossible" not in out and "no inertia of" not in out and "masses of" not in out
     stated = (folder / "arm.json").read_text()
     robot = json.loads(stated)
     robot["links"][1]["inertia"] = [0.0, *robot["links"][1]["inertia"][1:]]
@@ -184,7 +184,9 @@ def test_a_link_without_size_or_possible_inertia_is_named(folder: Path, capsys: 
     assert "no size known" not in shown(capsys, "--bodies", "free")
     robot["links"][1]["inertia"] = None
     (folder / "arm.json").write_text(json.dumps(robot))
-    assert "no inertia of link2 in the robot model: a uniform body" in shown(capsys)
+    assert "masses of link2 are not known: the log does not determine them, and the robot model states none" in shown(
+        capsys
+    )
 
 
 @pytest.mark.usefixtures("folder")
