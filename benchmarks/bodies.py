@@ -140,7 +140,8 @@ def real(bare=False):
             errors.append(validate_prepared(model, problem.base, prepared, estimate.beta).total_relative_error)
             bodies[kind] = estimate.theta
         facts = Plausibility.of(estimate.run)
-        named = ", ".join(f"{one.bound} of {one.name} ({100 * one.gain:.2g} %)" for one in facts.contradicted) or "none"
+        contradicted = () if facts is None else facts.contradicted
+        named = ", ".join(f"{one.bound} of {one.name} ({100 * one.gain:.2g} %)" for one in contradicted) or "none"
         for kind, theta in bodies.items():
             rows, total = figures_of(given, theta)
             masses = f"{np.nanmin(rows[:, 0]):.2f} to {np.nanmax(rows[:, 0]):.2f}"
@@ -176,7 +177,7 @@ def truth():
             for i in np.flatnonzero(shares.mean(axis=1) >= 0.5):
                 found["limit"].append(limits[i])
                 for kind, solution in solutions.items():
-                    own = [values[10 * i : 10 * i + 10] for values in (solution.theta, nominal, theta)]
+                    own = [np.asarray(values)[10 * i : 10 * i + 10] for values in (solution.theta, nominal, theta)]
                     found[kind].append(distance(own[0], own[2]) / distance(own[1], own[2]))
         for kind, values in found.items():
             show_ratios(name, kind, values)
@@ -343,7 +344,9 @@ def timed_problems():
         yield name, build_problem(told(model, disturbed(model, theta, 0)), [log_of(model, theta, 0)], how)
     model = DynamicModel(read_robot("generic-6r"), ("coulomb", "viscous", "rotor_inertia"))
     motion = model.random_motion(row.ROWS // model.robot.dof, 0)
-    torque = model.torque(motion, model.nominal()) + row.NOISE * np.random.default_rng(0).normal(size=motion.q.shape)
+    theta = model.nominal()
+    assert theta is not None
+    torque = model.torque(motion, theta) + row.NOISE * np.random.default_rng(0).normal(size=motion.q.shape)
     log = Log(model.robot.joint_names, np.arange(len(torque)) / RATE, motion.q, motion.dq, motion.ddq, torque)
     yield "generic-6r", build_problem(model, [log], how)
 
@@ -351,8 +354,8 @@ def timed_problems():
 def shapes(count=400):
     """Print what quadrics about shapes refuse, and how long they take."""
     beam, ends = (
-        Box([0.4, 0.08, 0.08], translation=[0.2, 0, 0]),
-        [Box([0.08, 0.08, 0.4], translation=[x, 0, 0.2]) for x in (0.4, 0)],
+        Box(np.array([0.4, 0.08, 0.08]), translation=np.array([0.2, 0, 0])),
+        [Box(np.array([0.08, 0.08, 0.4]), translation=np.array([x, 0, 0.2])) for x in (0.4, 0)],
     )
     corners = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.3, 0.0, 0.3], [0.3, 0.2, 0.3]])
     bent = tuple(Capsule(*pair, 0.05) for pair in pairwise(corners))
