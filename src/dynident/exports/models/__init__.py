@@ -101,33 +101,25 @@ def export_model(
         motion=simulated,
         left_out=content.left_out,
         neglected=neglected_torque(subject, content.left_out),
-        notes=(
-            *_relaxed(estimate),
-            *_unknown_masses(estimate),
-            *subject.notes,
-            *(() if part.remembers else subject.slipped),
-            *content.notes,
-        ),
+        notes=(*_body_notes(estimate), *subject.notes, *(() if part.remembers else subject.slipped), *content.notes),
     )
 
 
-def _relaxed(estimate: Estimate) -> list[str]:
-    """Return the note about bodies that are beyond the bounds of plausible ones, if there are some."""
-    facts = Plausibility.of(estimate.run)
-    named = [] if facts is None else [one for one in facts.contradicted if one.is_relaxed]
-    if not named:
-        return []
-    bounds = ", ".join(one.name if one.name == TOTAL_MASS else f"{one.bound} of {one.name}" for one in named)
-    return [f"beyond the bounds that the robot model gives, as the data contradict them: {bounds}; check these bodies"]
-
-
-def _unknown_masses(estimate: Estimate) -> list[str]:
-    """Return the note about masses that nothing determines, if there are some."""
-    facts, count = Plausibility.of(estimate.run), len(estimate.model.robot.links)
-    if facts is None or not facts.massless:
-        return []
-    links = "all links" if len(facts.massless) == count else ", ".join(facts.massless)
-    return [f"masses of {links} are not known: torques are right, the bodies are one choice of many; state masses"]
+def _body_notes(estimate: Estimate) -> list[str]:
+    """Return the notes about masses that nothing determines and bodies beyond the bounds of plausible ones."""
+    facts, notes = Plausibility.of(estimate.run), list[str]()
+    if facts is None:
+        return notes
+    if named := [one for one in facts.contradicted if one.is_relaxed]:
+        bounds = ", ".join(one.name if one.name == TOTAL_MASS else f"{one.bound} of {one.name}" for one in named)
+        why = "beyond the bounds that the robot model gives, as the data contradict them"
+        notes.append(f"{why}: {bounds}; check these bodies")
+    if facts.massless:
+        links = "all links" if len(facts.massless) == len(estimate.model.robot.links) else ", ".join(facts.massless)
+        notes.append(
+            f"masses of {links} are not known: torques are right, the bodies are one choice of many; state masses"
+        )
+    return notes
 
 
 def _check_part(part: ModelExporter, description: str | Path | None) -> None:
