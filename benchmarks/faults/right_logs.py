@@ -36,7 +36,7 @@ TRUE_OF_A_LOG = {
         "lwr4/*",
         "counterbalance",
     ): "0.42 to 0.45 N m sin(q + 0.9) at the wrist in all three logs, beside the robot model",
-    ("lwr4/*", "torque ripple"): "0.3 N m, 4.00 cycles a turn of lwr_5_joint in all logs; modelled, its error halves",
+    ("lwr4/*", "torque ripple"): "0.3 N m, 4.00 cycles a turn of lwr_5_joint, runs 1 and 2; modelled, its error halves",
     ("tiago/*", "coarse torques"): "the currents of the wrist have 14 steps",
     ("ur10e/*", "spikes"): "single samples of the current",
     ("ur10e/ident_20_01_13_load_2600.csv", "load at the flange"): "a payload of 2.6 kg by the file's name",
