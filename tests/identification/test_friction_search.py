@@ -19,7 +19,7 @@ from dynident.identification.identify import identify
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.selection.friction import column_pool
 from dynident.identification.selection.friction.column_pool import PooledLogs
-from dynident.identification.selection.friction.nested_fits import NestedFits, fit
+from dynident.identification.selection.friction.nested_fits import entries, fit, nested_fits
 from dynident.identification.selection.friction.variable_projection import vary_fields
 from dynident.identification.validate import validate
 from dynident.model.base_parameters import base_parameters
@@ -168,9 +168,9 @@ def test_the_pool_fits_as_least_squares_does(planar_2r: Robot, exact_log: MakeLo
     total = pool.weighted(np.ones(2)).sum(axis=0)
     ols = identify(model, [log.log], "ols", GIVEN)
     square = float(np.sum(ols.train.residual**2))
-    nested = NestedFits(total[None], total[None], pool.shared)
-    assert nested.losses(keep)[0] == pytest.approx(square, rel=1e-6)
-    np.testing.assert_allclose(nested.coefficients(keep)[0], fit(total, keep)[pool.shared :], rtol=1e-7)
+    losses, mixed = nested_fits(entries(total[None]), entries(total[None]), pool.lists([[[0, 2], [0, 2]]])[None])
+    assert losses[0, 0] == pytest.approx(square, rel=1e-6)
+    np.testing.assert_allclose(mixed[0, 0, keep], fit(total, keep), rtol=1e-7)
 
 
 def test_fits_that_take_shared_columns_out_are_those_of_least_squares() -> None:
@@ -178,16 +178,21 @@ def test_fits_that_take_shared_columns_out_are_those_of_least_squares() -> None:
     rows = np.random.default_rng(7).normal(size=(3, 40, 8)) * np.geomspace(1e-3, 1e3, 8)
     rows[1:, :, 5] = 0.0
     products = rows.transpose(0, 2, 1) @ rows
-    fits = NestedFits(products.sum(axis=0) - products, products, 3)
-    for keep in ([0, 1, 2], [0, 1, 2, 4], [0, 1, 2, 3, 5, 6]):
-        for b, (loss_of_block, found) in enumerate(
-            zip(fits.losses(np.array(keep)), fits.coefficients(np.array(keep)), strict=True)
-        ):
+    learned = entries(products.sum(axis=0) - products)
+    lists = np.zeros((4, 7), dtype=bool)
+    for row, keep in zip(lists, ([0, 1, 2], [0, 1, 2, 4], [0, 1, 2, 3, 5, 6], [0, 1, 2, 3]), strict=True):
+        row[keep] = True
+    for each in (np.stack([lists] * 3), np.stack([lists, lists[::-1], lists])):
+        losses, mixed = nested_fits(learned, entries(products), each)
+        for b, m in np.ndindex(3, 4):
             seen = np.concatenate([own for k, own in enumerate(rows) if k != b])
+            keep = np.flatnonzero(each[b, m])
             beta = np.linalg.lstsq(seen[:, keep], seen[:, -1], rcond=None)[0]
             squares = float(np.sum((rows[b, :, -1] - rows[b][:, keep] @ beta) ** 2))
-            assert loss_of_block == pytest.approx(squares, rel=1e-8)
-            np.testing.assert_allclose(found, beta[3:], rtol=1e-8, atol=1e-12)
+            assert losses[b, m] == pytest.approx(squares, rel=1e-8)
+            expected = np.zeros(8)
+            expected[keep], expected[-1] = beta, -1.0
+            np.testing.assert_allclose(mixed[b, m], expected, rtol=1e-8, atol=1e-12)
 
 
 @pytest.mark.parametrize("kept", [2**28, 0])
@@ -284,4 +289,4 @@ def test_rows_of_a_log_serve_it_under_any_delay(spatial_3r: Robot, exact_log: Ma
         pools = [PooledLogs(model, logs, 4, None, True, (1.0, 0.0), rows).pool(parts) for rows in (shared, None)]
         for one, other in zip(*(pool.by_delay(pool.weighted(np.ones(3))) for pool in pools), strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
-    assert len(shared.friction[parts[0]]) == 1
+    assert [rows.shape for rows in shared.friction[parts[0]]] == 3 * [(1, len(log.keep))]

@@ -19,7 +19,7 @@ from dynident.identification.identify import identify
 from dynident.identification.problem.choices import Choices, FieldChoice
 from dynident.identification.problem.prior import natural_scale, prior_products
 from dynident.identification.selection.friction.held_out_errors import share_of
-from dynident.identification.selection.friction.nested_fits import beyond, fit, without
+from dynident.identification.selection.friction.nested_fits import beyond, fit
 from dynident.identification.selection.friction.search_friction import search_friction
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
@@ -389,7 +389,8 @@ def test_a_column_with_no_slow_rows_has_no_say_beyond_them(seed: int) -> None:
     expected = float(np.sum((w[fast, 4] - w[fast, :4] @ beta) ** 2))
     summed = np.sum([np.outer(row, row) for row in w[fast]], axis=0)  # in another order than the whole
     fitted = fit(products, np.arange(4))
-    assert beyond(fitted, without(products, summed), summed, np.arange(4), 1) == pytest.approx(expected, rel=1e-6)
+    fits, every = np.append(fitted, -1.0)[None], np.ones((1, 4), dtype=bool)
+    assert beyond(fits, products, summed, every, 1)[0] == pytest.approx(expected, rel=1e-6)
 
 
 def test_what_is_compared_holds_the_bodies_within_their_size(spatial_3r: Robot) -> None:

@@ -256,7 +256,7 @@ def test_rows_of_candidates_are_those_of_each_alone(planar_2r: Robot, exact_moti
     PooledLogs(model, [log], shared=together).pool(parts)
     for part, own in zip(parts, alone, strict=True):
         PooledLogs(model, [log], shared=own).pool([part])
-        for one, other in zip(together.friction[part][0], own.friction[part][0], strict=True):
+        for one, other in zip(together.friction[part], own.friction[part], strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
     with pytest.raises(BadOption, match="there twice"):
         DynamicModel(planar_2r, parts)

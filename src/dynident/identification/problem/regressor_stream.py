@@ -67,9 +67,9 @@ class RegressorStream:
         """Return what makes the columns that depend on the load alone, in the same segments."""
         return RegressorStream(self.model, self.base, self.load, self._any_gravity, only="load")
 
-    def rows(self, prepared: Prepared) -> tuple[Array, ...]:
+    def rows(self, prepared: Prepared, motion: Motion | None = None) -> tuple[Array, ...]:
         """Return [W_i, tau_i]' of each joint over the kept rows, both sides filtered, shape (K_i + 1, N)."""
-        parts = [blocks for _, blocks in self.segments(prepared)]
+        parts = [blocks for _, blocks in self.segments(prepared, motion)]
         return tuple(np.concatenate(joint, axis=1) for joint in zip(*parts, strict=True))
 
     def predict(self, log: Log, beta: Array) -> Array:
@@ -121,18 +121,18 @@ class RegressorStream:
             for i, (columns, factor) in enumerate(zip(self.columns, factors, strict=True))
         )
 
-    def segments(self, prepared: Prepared) -> Iterator[RowSegment]:
+    def segments(self, prepared: Prepared, motion: Motion | None = None) -> Iterator[RowSegment]:
         """Yield slices of the kept rows and the filtered rows of each joint there, in constant memory."""
-        for part in self.parts(prepared):
+        for part in self.parts(prepared, motion):
             yield from part
 
-    def parts(self, prepared: Prepared) -> list[Segments]:
-        """Return the segments in parts that can be made side by side.
+    def parts(self, prepared: Prepared, motion: Motion | None = None) -> list[Segments]:
+        """Return the segments in parts that can be made side by side; a motion may have the load of the drives.
 
         A filter looks ``reach`` samples to either side, so parts overlap by that much.
         """
         log, keep = prepared.log, prepared.keep
-        reach, motion = prepared.how.filter.reach(log.rate), remembered_motion(self.model, log)
+        reach, motion = prepared.how.filter.reach(log.rate), remembered_motion(self.model, log, motion)
         if not reach:
             starts = range(0, len(keep), PART)
             return [self._plain(prepared, motion, slice(k, min(k + PART, len(keep)))) for k in starts]
@@ -188,7 +188,7 @@ class RegressorStream:
         cut = motion.rows(part)
         blocks = blocks or [np.empty((len(columns) + 1, len(cut.q))) for columns in self.columns]
         heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
-        loaded = load is not None and "torque" in self.model.needs
+        loaded = load is not None and cut.torque is None and "torque" in self.model.needs
         if self._only and loaded:
             heads = [np.empty((len(found), len(cut.q))) for found in self._kernel.columns]
         if loaded or not self._only:
@@ -225,13 +225,13 @@ def motion_of(log: Log) -> Motion:
     return Motion(log.q, log.dq, log.ddq, temperature=log.temperature)
 
 
-def remembered_motion(model: DynamicModel, log: Log) -> Motion:
+def remembered_motion(model: DynamicModel, log: Log, motion: Motion | None = None) -> Motion:
     """Return the motion of a preprocessed log with the states of friction, which go on from what was before it."""
     first = log.before
     if isinstance(first, Log):
         state = remembered_motion(model, first).state
         first = None if state is None else state[-1]
-    return model.with_states(motion_of(log), 1.0 / log.rate, first)
+    return model.with_states(motion or motion_of(log), 1.0 / log.rate, first)
 
 
 def target_torque(model: DynamicModel, prepared: Prepared) -> Array:

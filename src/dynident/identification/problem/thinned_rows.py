@@ -51,36 +51,34 @@ def thinned_rows(make: Make, sizes: Sequence[int], samples: int, keep: IntArray,
     if at_end:
         end = int(keep[-1]) - (int(keep[-1]) - last - half) // every * every
     count = 1 + (end - begin) // every
-    folded = [np.empty((size, count + past * at_end)) for size in sizes]
-    left = [np.zeros((size, thin.powers.shape[1])) for size in sizes] if at_end else []
+    ends = np.cumsum(sizes)[:-1]  # columns of all joints stand side by side, as a filter takes many at a time
+    folded, left = np.empty((sum(sizes), count + past * at_end)), np.zeros((sum(sizes), thin.powers.shape[1]))
+    folded_of, left_of = np.split(folded, ends), np.split(left, ends)
     done = last - thin.reach
     step = max(1, max(FOLDED, 8 * (2 * half + 1)) // every)
     for first in range(0, count, step):
         many = min(step, count - first)
         low, high = begin + first * every - half, begin + (first + many - 1) * every + half + 1
         blocks = log.blocks(low, high)
-        for block, out in zip(blocks, folded, strict=True):
+        for block, out in zip(blocks, folded_of, strict=True):
             thin.fold(block[:-1], out, first, many)
         if at_end and min(high, last) > max(low, done):
             done = max(low, done)
             weights = thin.powers[last - done : 0 : -1][: min(high, last) - done]
-            for k, block in enumerate(blocks):
-                left[k] += block[:-1, done - low : min(high, last) - low] @ weights
+            for block, own in zip(blocks, left_of, strict=True):
+                own[...] += block[:-1, done - low : min(high, last) - low] @ weights
             done = min(high, last)
     places: IntArray | slice = (keep - begin) // every
     if places[-1] - places[0] == len(places) - 1:  # no gap: a view in place of a copy
         places = slice(places[0], places[-1] + 1)
-    rows = []
-    for k, own in enumerate(folded):
-        if at_end:
-            own[:, count:] = own[:, count - 1 : count]
-        found = thin.settle(own)[:, places]
-        if at_end:
-            late = slice(np.searchsorted(keep, last - thin.reach), None)
-            sums = left[k] - own[:, -1:] * thin.powers[1:].sum(axis=0)
-            found[:, late] -= thin.last_outputs(sums, last - keep[late])
-        rows.append(found)
-    return rows
+    if at_end:
+        folded[:, count:] = folded[:, count - 1 : count]
+    found = thin.settle(folded)[:, places]
+    if at_end:
+        late = slice(np.searchsorted(keep, last - thin.reach), None)
+        left -= folded[:, -1:] * thin.powers[1:].sum(axis=0)
+        found[:, late] -= thin.last_outputs(left, last - keep[late])
+    return np.split(found, ends)
 
 
 class _TurnedEnds:

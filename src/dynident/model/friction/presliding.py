@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import accumulate
 from typing import ClassVar
 
 import numpy as np
@@ -100,7 +99,7 @@ class Presliding(Friction):
         """
         found = np.empty(motion.q.shape)
         for z, (moves, samples, side, way), start in zip(found.T, motion.runs, first.tolist(), strict=True):
-            bent = side * list(accumulate(moves, self._moved, initial=start))
+            bent = side * self._turns(moves, start)
             if self.shape == 1.0:
                 moved = np.minimum(np.repeat(bent, samples) + way, self.length)
             else:  # to where it slips
@@ -111,10 +110,12 @@ class Presliding(Friction):
             z[:] = np.repeat(side, samples) * moved
         return found
 
-    def _moved(self, z: float, way: float) -> float:
-        """Return the deflection after a way without a reversal."""
-        side, length, shape = 1.0 if way >= 0 else -1.0, self.length, self.shape
-        if shape == 1.0:
-            return side * min(side * z + abs(way), length)
-        rest = max(1.0 - side * z / length, 0.0) ** shape - shape / length * abs(way)
-        return side * length * (1.0 - max(rest, 0.0) ** (1.0 / shape))
+    def _turns(self, moves: list[float], start: float) -> Array:
+        """Return the deflections at the ends of ways without a reversal between them, and before the first."""
+        shape, inverse, step = self.shape, 1.0 / self.shape, self.shape / self.length
+        found = [at := min(max(start / self.length, -1.0), 1.0)]
+        for way in moves:
+            side = 1.0 if way >= 0.0 else -1.0
+            rest = (1.0 - side * at) ** shape - step * side * way
+            found.append(at := side * (1.0 - rest**inverse) if rest > 0.0 else side)
+        return self.length * np.array(found)

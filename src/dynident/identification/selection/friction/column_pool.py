@@ -12,7 +12,6 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 
@@ -21,21 +20,17 @@ from dynident.data.preprocessing import Prepared
 from dynident.data.preprocessing._local_polynomials import fractional_shift
 from dynident.identification.problem.prior import natural_scale, prior_products
 from dynident.identification.problem.problem import counting_rows
-from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
 from dynident.identification.selection.friction.load import default_load
-from dynident.identification.selection.friction.nested_fits import NestedFits, fit
+from dynident.identification.selection.friction.nested_fits import fit
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import Friction
+from dynident.model.friction import Friction, Motion
 from dynident.model.robot import Robot
 
 #: Rows in a period of the filter's cut-off that are compared, and bytes that rows of friction columns may take between
 #: two pools.
 ROWS, KEPT = 8.0, 2**28
-
-#: Rows of the columns of a friction part in a log, by joint, and rows of which products are made at a time at most.
-FrictionRows: TypeAlias = list[Array]
-PIECE = 1 << 16
 
 #: Share of a joint's rows that are not among its fastest.
 FASTEST = 0.8
@@ -60,11 +55,11 @@ class ColumnPool:
         places: Which of these columns are at each joint, shape (k_i,).
         products: Their products of each joint in each block, shape (B, k_i, k_i).
         rows: Rows of each joint in each block, shape (B, n).
-        nonnegative: Which columns have coefficients that physics wants >= 0, shape (c,).
+        nonnegative: Which columns of friction have coefficients that physics wants >= 0, shape (c,).
         fast: Products of the rows in which a joint is among the fastest of its own, shape (1, k_i, k_i).
         fast_rows: Number of them, shape (n,).
         views: Of each delay that is compared, which rows of the products are those of the columns and the torque,
-            shape (c + 1,). The first is that of the logs as they are; the others have products of their own behind it.
+            shape (V, c + 1). The first is that of the logs as they are; what the others have of their own is behind.
         bodies: Products of a prior of the bodies, shape (b + 1, b + 1).
     """
 
@@ -78,7 +73,7 @@ class ColumnPool:
     nonnegative: BoolArray
     fast: tuple[Array, ...]
     fast_rows: IntArray
-    views: tuple[IntArray, ...]
+    views: IntArray
     bodies: Array
 
     @cached_property
@@ -97,26 +92,18 @@ class ColumnPool:
             found[:, own[:, None], own] += weight**2 * each
         return found
 
-    def by_delay(self, products: Array) -> tuple[Array, ...]:
-        """Return products of all columns (..., e, e) once for each delay, shape (..., c + 1, c + 1)."""
-        views = self.views
-        return (products,) if len(views) == 1 else tuple(products[..., own[:, None], own] for own in views)
+    def by_delay(self, products: Array) -> Array:
+        """Return products of all columns (..., e, e) once for each delay, shape (..., V, c + 1, c + 1)."""
+        return products[..., self.views[:, :, None], self.views[:, None, :]]
 
     def chosen(self, sets: Sequence[Sequence[int]]) -> IntArray:
         """Return the columns of a model whose drive j has the parts ``sets[j]``."""
         friction = [self.columns[p][j] for j, own in enumerate(sets) for p in own]
         return np.concatenate([np.arange(self.shared), *friction]).astype(np.int64)
 
-    def possible(self, whole: NestedFits, keep: IntArray, always: IntArray) -> IntArray:
-        """Return the columns ``keep`` without those beside ``always`` whose coefficients would have a wrong sign.
-
-        ``whole`` is the fit of all rows; the shared columns stay.
-        """
-        shared, own = keep[: self.shared], keep[self.shared :]
-        wanted = self.nonnegative[own] & ~np.isin(own, always)
-        while (wrong := (whole.coefficients(np.append(shared, own))[0] < 0) & wanted).any():
-            own, wanted = own[~wrong], wanted[~wrong]
-        return np.append(shared, own)
+    def lists(self, sets: Sequence[Sequence[Sequence[int]]]) -> BoolArray:
+        """Return which columns models have whose drives have the parts ``sets[k][drive]``, shape (m, c)."""
+        return np.stack([np.isin(np.arange(len(self.nonnegative)), self.chosen(own)) for own in sets])
 
     def weights(self, sets: Sequence[Sequence[int]], passes: int = 4) -> Array:
         """Return the weight of each joint's rows by its own residual in a fit of all blocks, shape (n,)."""
@@ -128,12 +115,10 @@ class ColumnPool:
             there = np.flatnonzero(among[own] >= 0)
             at = among[own[there]]
             whole[at[:, None], at] = each[there[:, None], there]
-        measured = total[:, -1, -1]
         weights, own = np.ones(len(total)), np.arange(len(keep))
         for _ in range(passes):
-            beta = fit(np.tensordot(weights**2, total, 1), own)
-            mixed = np.append(beta, -1.0)
-            weights = np.sqrt(rows / np.maximum((total @ mixed) @ mixed, 1e-20 * measured + 1e-300))
+            mixed = np.append(fit(np.tensordot(weights**2, total, 1), own), -1.0)
+            weights = np.sqrt(rows / np.maximum((total @ mixed) @ mixed, 1e-20 * total[:, -1, -1] + 1e-300))
         return weights
 
 
@@ -169,17 +154,22 @@ class PooledLogs:
         self._shared = SharedRows(model.robot, logs) if shared is None else shared
         self._rigid = self._shared.bodies.base
         self._start = None if load is None else self._rigid.from_standard(load)
-        self._places = self._shared.places(logs)
         self._moving = [np.flatnonzero(row).tolist() for row in np.asarray(model.robot.coupling).T]
-        speeds = [np.abs(np.asarray(log.log.dq)[log.keep]) for log in logs]
-        limits = np.quantile(np.concatenate(speeds), FASTEST, axis=0)
-        total, self._logs = sum(len(log.keep) for log in logs), list[_PooledLog]()
-        for k, (log, place) in enumerate(zip(logs, self._places, strict=True)):
-            mask = counting_rows(self._shared.bodies.model, log)
+        masks = [counting_rows(self._shared.bodies.model, log) for log in logs]
+        speeds, first = np.concatenate([np.abs(np.asarray(log.log.dq)[log.keep]) for log in logs]), 0
+        total, rows, numbers = len(speeds), list[list[Array]](), list[IntArray]()
+        for k, (log, mask, place) in enumerate(zip(logs, masks, places := self._shared.places(logs), strict=True)):
             block = _blocks_of(log, mask, max(1, round(blocks * len(log.keep) / total)))
+            numbers.append(np.where((block < 0)[:, None] | ~mask, -1, block[:, None] + first))
+            first += int(block.max()) + 1
             plain = np.asarray(self._shared.plain[k].log.torque)[log.keep]
-            rows = self._shared_rows(log, plain, [each[:, place] for each in self._shared.rows[k]])
-            self._logs.append(_PooledLog(block, mask, speeds[k] > limits, rows))
+            rows.append(self._shared_rows(log, plain, [each[:, place] for each in self._shared.rows[k]]))
+        before = itertools.accumulate((len(log.keep) for log in self._shared.plain), initial=0)
+        there = np.concatenate([np.arange(own.start, own.stop) + k for own, k in zip(places, before, strict=False)])
+        number, fast = np.concatenate(numbers), speeds > np.quantile(speeds, FASTEST, axis=0)
+        groups = np.where(number < 0, -1, 2 * number + fast).T
+        each = [np.concatenate(own, axis=1) for own in zip(*rows, strict=True)]
+        self._joints = [_JointRows.of(*own, there, 2 * first) for own in zip(groups, each, strict=True)]
 
     def _shared_rows(self, log: Prepared, plain: Array, bodies: Sequence[Array]) -> list[Array]:
         """Return the rows of each joint that every fit has, and its torque; of ``bodies`` they are under ``plain``."""
@@ -203,10 +193,8 @@ class PooledLogs:
         columns = tuple(tuple(cuts[p :: len(parts)]) for p in range(len(parts)))
         size = last + 1 + 2 * (len(self._shares) - 1)
         behind = np.arange(last, size)
-        views = [np.arange(last + 1)]
-        for slope in behind[1::2]:
-            views.append(views[0].copy())
-            views[-1][[rigid.count, last]] = slope, slope + 1
+        views = np.tile(np.arange(last + 1), (len(self._shares), 1))
+        views[1:, [rigid.count, last]] = behind[1:].reshape(-1, 2)
         places = [
             (
                 np.concatenate([own, [rigid.count] * later, behind]).astype(np.int64),
@@ -215,56 +203,50 @@ class PooledLogs:
             for own, moving in zip(self._shared.bodies.columns, self._moving, strict=True)
         ]
         made, stated = self._rows_of(parts), [joint.drive.reflected_inertia > 0 for joint in self._robot.active]
-        signs = [rigid.parameters[k].nonnegative for k in rigid.independent] + [False] * later
+        signs = [False] * shared
         beside = [stated[j] and any(part.is_inertia) for j in drives for part in parts]  # a stated one: may be < 0
         signs += [c.nonnegative and not is_rest for each, is_rest in zip(has, beside, strict=True) for c in each]
-        blocks, every = np.cumsum([0, *(len(log.rows) for log in self._logs)]), [np.concatenate(own) for own in places]
-        products = tuple(np.zeros((blocks[-1], len(own), len(own))) for own in every)
-        fast = tuple(np.zeros((1, len(own), len(own))) for own in every)
-        for k, log in enumerate(self._logs):
-            log.add([own[k] for own in made], [each[blocks[k] : blocks[k + 1]] for each in products], fast)
+        products, fast = zip(*map(_JointRows.products, self._joints, made), strict=True)
+        rows = np.stack([np.diff(joint.ends).reshape(-1, 2) for joint in self._joints], axis=1)
         return ColumnPool(
             tuple(parts),
             shared,
             columns,
             size,
-            tuple(every),
+            tuple(np.concatenate(own) for own in places),
             products,
-            np.concatenate([log.rows for log in self._logs]),
+            rows.sum(axis=2),
             np.array(signs, dtype=bool),
             fast,
-            np.sum([np.sum((log.block >= 0)[:, None] & log.mask & log.fast, axis=0) for log in self._logs], axis=0),
-            tuple(views),
+            rows[:, :, 1].sum(axis=0),
+            views,
             self._shared.bodies_known,
         )
 
-    def _rows_of(self, parts: Sequence[Friction]) -> list[list[FrictionRows]]:
-        """Return the rows of each part in each log; those of earlier pools stay as long as all take little."""
+    def _rows_of(self, parts: Sequence[Friction]) -> list[Array]:
+        """Return the rows (k, m) of all parts at each joint; those of earlier pools stay as long as all take little."""
         asked, made = [replace(part, choose=None, vary=None) for part in parts], self._shared.friction
         if missing := [part for part in dict.fromkeys(asked) if part not in made]:
-            stream = self._stream(whole := SideBySide(self._robot, missing))
+            whole, base = SideBySide(self._robot, missing), self._rigid  # columns are made by their places alone
+            independent = np.append(base.independent, whole.inertial_count + np.arange(len(whole.terms[0])))
+            stream = RegressorStream(whole, replace(base, independent=independent), only="friction")
             part_of = np.repeat(np.arange(len(missing)), [len(own.coefficients) for own in missing])[whole.terms[1]]
-            rows_of = [part_of[own - self._rigid.count] for own in stream.columns]
-            split = [[np.flatnonzero(each == p) for each in rows_of] for p in range(len(missing))]
-            made |= {part: [] for part in missing}
-            for log in self._shared.plain:
-                blocks = stream.rows(log)
-                for part, each in zip(missing, split, strict=True):
-                    made[part].append([block[own] for block, own in zip(blocks, each, strict=True)])
-            self._shared.size += sum(one.nbytes for part in missing for log in made[part] for one in log)
+            motions = self._shared.motions(self._start if "torque" in whole.needs else None)
+            logs = [stream.rows(log, own) for log, own in zip(self._shared.plain, motions, strict=True)]
+            joints = [np.concatenate([rows[:-1] for rows in own], axis=1) for own in zip(*logs, strict=True)]
+            of = [part_of[own - self._rigid.count] for own in stream.columns]
+            for p, part in enumerate(missing):
+                made[part] = [rows[own == p] for rows, own in zip(joints, of, strict=True)]
+            self._shared.size += sum(rows.nbytes for rows in joints)
             for part in list(itertools.filterfalse(set(asked).__contains__, made)):
                 if self._shared.size > KEPT:
-                    self._shared.size -= sum(one.nbytes for log in made.pop(part) for one in log)
-        logs = [zip(made[part], self._places, strict=True) for part in asked]
-        return [[[rows[:, place] for rows in own] for own, place in each] for each in logs]
-
-    def _stream(self, whole: DynamicModel) -> RegressorStream:
-        """Return what makes the rows of the friction of a model."""
-        count = len(whole.terms[0])
-        independent = np.append(self._rigid.independent, whole.inertial_count + np.arange(count))
-        start = None if self._start is None else np.append(self._start, np.zeros(count))
-        base = replace(self._rigid, independent=independent)  # columns are made by their places alone
-        return RegressorStream(whole, base, start, only="friction")
+                    self._shared.size -= sum(one.nbytes for one in made.pop(part))
+        found = []
+        for i, joint in enumerate(self._joints):
+            found.append(rows := np.empty((sum(len(made[part][i]) for part in asked), len(joint.order))))
+            for out, own in zip(rows, (row for part in asked for row in made[part][i]), strict=True):
+                np.take(own, joint.order, out=out, mode="clip")
+        return found
 
 
 class SharedRows:
@@ -274,19 +256,27 @@ class SharedRows:
 
     Attributes:
         plain: The logs as they came.
-        friction: Their rows of friction parts, as choices have left them, of ``size`` bytes.
+        friction: Their rows of friction parts at each joint, as choices have left them, of ``size`` bytes.
     """
 
     def __init__(self, robot: Robot, plain: Sequence[Prepared]) -> None:
         bare = DynamicModel(robot)
         self.bodies, self.plain = RegressorStream(bare, base_parameters(bare)), tuple(plain)
-        self.friction, self.size = dict[Friction, list[FrictionRows]](), 0
+        self.friction, self.size = dict[Friction, list[Array]](), 0
         self._load: Array | None = None
+        self._motions = [motion_of(log.log) for log in self.plain]
 
     @cached_property
     def rows(self) -> list[tuple[Array, ...]]:
         """Rows of the bodies and the torque in each log, of each joint."""
         return [self.bodies.rows(log) for log in self.plain]
+
+    def motions(self, load: Array | None) -> list[Motion]:
+        """Return the motion of each log, with the torque of base parameters (b,) that loads the drives if given."""
+        if load is not None and self._motions[0].torque is None:
+            loads = [self.bodies.predict(log.log, load) + self.bodies.model.robot.bias for log in self.plain]
+            self._motions = [replace(own, torque=each) for own, each in zip(self._motions, loads, strict=True)]
+        return self._motions
 
     @cached_property
     def bodies_known(self) -> Array:
@@ -313,44 +303,41 @@ class SharedRows:
 
 
 @dataclass(frozen=True)
-class _PooledLog:
-    """A log with the rows that every pool has.
+class _JointRows:
+    """The rows of a joint that count, one block after another, in each the fastest behind the others.
 
     Attributes:
-        block: Block of each kept row, -1 for none, shape (N,).
-        mask: Which of the rows count for each joint, shape (N, n).
-        fast: In which of them a joint is among the fastest of its own, shape (N, n).
-        shared: The rows of the shared columns and the torque, of each joint.
+        order: Which of the rows of all logs they are, shape (m,).
+        ends: Where those of each block and its fastest begin, and the end, shape (2 B + 1,).
+        shared: Rows of the columns that every pool has, and of the torque, shape (k, m).
     """
 
-    block: IntArray
-    mask: BoolArray
-    fast: BoolArray
-    shared: list[Array]
+    order: IntArray
+    ends: IntArray
+    shared: Array
+
+    @classmethod
+    def of(cls, group: IntArray, shared: Array, places: IntArray, groups: int) -> _JointRows:
+        """Return the rows whose ``group`` (N,) is not -1, of ``shared`` ones (k, N) that have these places (N,)."""
+        order = np.argsort(group, kind="stable")[np.sum(group < 0) :]
+        return cls(places[order], np.searchsorted(group[order], np.arange(groups + 1)), shared[:, order])
 
     @cached_property
-    def rows(self) -> IntArray:
-        """Rows of each joint in each block, shape (B, n)."""
-        return np.stack([np.sum((self.block == b)[:, None] & self.mask, axis=0) for b in range(self.block.max() + 1)])
+    def _known(self) -> Array:
+        """The products of the shared columns, shape (2 B, k, k)."""
+        return np.stack([own @ own.T for own in np.split(self.shared, self.ends[1:-1], axis=1)])
 
-    def add(self, friction: Sequence[FrictionRows], products: Sequence[Array], fast: Sequence[Array]) -> None:
-        """Add the products of each block at each joint (B, k_i, k_i), and those of the fastest rows (1, k_i, k_i).
-
-        ``friction`` are the rows of each friction part.
-        """
-        for piece in (slice(start, start + PIECE) for start in range(0, len(self.block), PIECE)):
-            block, counted = self.block[piece], self.mask[piece]
-            ends = np.flatnonzero(np.diff(block, prepend=-1, append=-1)).tolist()
-            quickest = counted & self.fast[piece] & (block >= 0)[:, None]
-            for i, (found, quick) in enumerate(zip(products, fast, strict=True)):
-                values = np.vstack([self.shared[i][:, piece], *(rows[i][:, piece] for rows in friction)])
-                values *= counted[:, i]
-                for first, stop in itertools.pairwise(ends):
-                    if block[first] >= 0:
-                        own = values[:, first:stop]
-                        found[block[first]] += own @ own.T
-                own = values[:, quickest[:, i]]
-                quick[0] += own @ own.T
+    def products(self, friction: Array) -> tuple[Array, Array]:
+        """Return the products of each block, and of the fastest rows, with friction (f, m): (B or 1, k_i, k_i)."""
+        known = len(self.shared)
+        found = np.empty((len(self._known), known + len(friction), known + len(friction)))
+        found[:, :known, :known] = self._known
+        for each, (first, stop) in zip(found, itertools.pairwise(self.ends.tolist()), strict=True):
+            own = friction[:, first:stop]
+            np.matmul(own, self.shared[:, first:stop].T, out=each[known:, :known])
+            np.matmul(own, own.T, out=each[known:, known:])
+        found[:, :known, known:] = found[:, known:, :known].transpose(0, 2, 1)
+        return found[::2] + found[1::2], found[1::2].sum(axis=0, keepdims=True)
 
 
 def _blocks_of(log: Prepared, mask: BoolArray, blocks: int) -> IntArray:

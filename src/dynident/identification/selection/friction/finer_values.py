@@ -14,7 +14,7 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs
-from dynident.identification.selection.friction.nested_fits import RIDGE, NestedFits
+from dynident.identification.selection.friction.nested_fits import RIDGE, entries, nested_fits
 from dynident.identification.selection.friction.parts_by_drive import by_drive, with_values
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction
@@ -46,12 +46,13 @@ def finer_values(
         turns: Steps at most.
     """
     (low, high), limits = np.log(spans).T, np.log(most)
-    at = best = np.log([float(getattr(model.friction[own[0]], name)) for own, name in fields])
+    at = best = np.log(given := [float(getattr(model.friction[own[0]], name)) for own, name in fields])
+    exact = dict(zip(at.tolist(), given, strict=True))  # values whose columns are there, to the last bit
     least, slope, deviations, weights = np.inf, 0.0, np.full(len(at), np.inf), None
     for left in reversed(range(turns)):
         now, sides, free = model, list[Friction](), fields if left else ()  # no step follows the last loss
         for value, (own, name) in zip(at.tolist(), fields, strict=True):
-            now = with_values(now, own, {name: float(np.exp(value))})
+            now = with_values(now, own, {name: exact.setdefault(value, float(np.exp(value)))})
         for value, (own, name) in zip(at.tolist(), free, strict=False):
             for by in (value - APART / 2, value + APART / 2):
                 sides += [replace(now.friction[p], **{name: float(np.exp(by))}) for p in own]
@@ -59,7 +60,11 @@ def finer_values(
         sets = by_drive(model, now.friction, range(len(now.friction)))
         weights = pool.weights(sets) if weights is None else weights
         wholes, keep = pool.by_delay(pool.weighted(weights, pool.totals)[0]), pool.chosen(sets)
-        loss, step, covariance = min((_step(whole, pool, keep, free) for whole in wholes), key=lambda found: found[0])
+        lists = np.repeat(pool.lists([sets])[None], len(wholes), axis=0)
+        losses, mixed = nested_fits(entries(wholes), entries(wholes), lists)
+        view = int(np.argmin(losses))
+        loss, beta = float(losses[view, 0]), mixed[view, 0]
+        step, covariance = _step(wholes[view], pool, keep, beta, free)
         if not left:
             best = at if loss < least else best
         elif loss < least:
@@ -76,16 +81,17 @@ def finer_values(
             at, slope = best + (at - best) * share, slope * share
         if np.all(np.abs(at - best) < np.maximum(SETTLED, UNSURE * deviations)):
             break
-    return np.exp(best), deviations
+    return np.array([exact[value] for value in best.tolist()]), deviations
 
 
 def _step(
-    whole: Array, pool: ColumnPool, keep: IntArray, fields: Sequence[tuple[Sequence[int], str]]
-) -> tuple[float, Array, Array]:
-    """Return the loss at values by the products (c + 1, c + 1), the step of the fields (m,), its covariance (m, m)."""
-    fits = NestedFits(whole[None], whole[None], pool.shared)
-    beta, turn = np.zeros(len(whole)), np.zeros((len(whole), len(keep) + len(fields) + 1))
-    beta[np.append(keep, -1)] = fits.residual(keep)[0]
+    whole: Array, pool: ColumnPool, keep: IntArray, beta: Array, fields: Sequence[tuple[Sequence[int], str]]
+) -> tuple[Array, Array]:
+    """Return the step of the fields (m,) from values with the fit ``beta`` (c + 1,) of ``keep``, its covariance (m, m).
+
+    ``whole`` are the products (c + 1, c + 1).
+    """
+    turn = np.zeros((len(whole), len(keep) + len(fields) + 1))
     turn[keep, np.arange(len(keep))] = turn[-1, -1] = 1.0
     beside = iter(pool.columns[-2 * sum(len(own) for own, _ in fields) :])
     for slope, (own, _) in zip(turn.T[len(keep) : -1], fields, strict=True):
@@ -98,4 +104,4 @@ def _step(
     size = np.sqrt(np.where(lost, 1.0, np.diag(products)))[:-1]
     inverse = np.linalg.inv(products[:-1, :-1] / np.outer(size, size) + RIDGE * np.eye(len(size)))
     found, last = inverse @ (products[:-1, -1] / size) / size, slice(len(keep), None)
-    return float(fits.losses(keep)[0]), found[last], (inverse / np.outer(size, size))[last, last]
+    return found[last], (inverse / np.outer(size, size))[last, last]

@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from dynident.arrays import Array, IntArray
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.identification.residuals.quantiles import student_quantile
 from dynident.identification.selection.friction.column_pool import ColumnPool
-from dynident.identification.selection.friction.nested_fits import NestedFits, beyond, without
+from dynident.identification.selection.friction.nested_fits import beyond, entries, nested_fits, stays
 
 #: Blocks of rows at least, and of logs too short for these.
 BLOCKS, OF_SHORT_LOGS = 16, 8
@@ -47,27 +47,28 @@ class WeighedRows:
         self.pool, self.weights, self.rows = pool, weights, pool.rows.sum(axis=1)
         self._products = pool.weighted(weights)
         self.wholes = pool.by_delay(self._products.sum(axis=0))
-        known = np.append(np.arange(len(pool.bodies) - 1), -1)
-        self.bodies = np.zeros_like(self.wholes[0])
-        self.bodies[known[:, None], known] = pool.bodies
+        beside = np.full(self.wholes.shape[1] - len(pool.bodies), len(pool.bodies) - 1)
+        self.bodies = np.insert(np.insert(pool.bodies, beside, 0.0, axis=0), beside, 0.0, axis=1)
 
     @cached_property
-    def all(self) -> list[NestedFits]:
-        """The fits of all rows, for each delay."""
-        return [NestedFits((whole + self.bodies)[None], whole[None], self.pool.shared) for whole in self.wholes]
+    def fast(self) -> Array:
+        """Products of the fastest rows, for each delay."""
+        return self.pool.by_delay(self.pool.weighted(self.weights, self.pool.fast)[0])
 
-    @cached_property
-    def fast(self) -> list[tuple[Array, Array]]:
-        """Products of all rows but the fastest, and of these, for each delay."""
-        fast = self.pool.by_delay(self.pool.weighted(self.weights, self.pool.fast)[0])
-        return [(without(whole, each), each) for whole, each in zip(self.wholes, fast, strict=True)]
+    def left_out(self, view: int, lists: BoolArray) -> tuple[Array, Array]:
+        """Return what fits of lists (m, c) that leave out one block each leave of it, with one of the delays."""
+        at, whole = self.pool.views[view], self.wholes[view]
+        there = stays(np.diag(whole), np.einsum("bkk->bk", self._products)[:, at])
 
-    def blocks(self, view: int, columns: IntArray) -> NestedFits:
-        """Return the fits of some columns that leave out one block each, judged on it, with one of the delays."""
-        own = np.append(columns, -1)
-        at, pick = self.pool.views[view][own], (own[:, None], own)
-        held = self._products[:, at[:, None], at]
-        return NestedFits(without(self.wholes[view][pick], held) + self.bodies[pick], held, self.pool.shared)
+        def held(block: IntArray, rows: IntArray, columns: IntArray) -> Array:
+            return self._products[block, at[rows], at[columns]]
+
+        def rest(block: IntArray, rows: IntArray, columns: IntArray) -> Array:
+            left = whole[rows, columns] - held(block, rows, columns)
+            left = left if there.all() else left * (there[block, rows] & there[block, columns])
+            return left + self.bodies[rows, columns]
+
+        return nested_fits(rest, held, np.repeat(lists[None], len(self._products), axis=0))
 
 
 @dataclass(frozen=True)
@@ -76,13 +77,13 @@ class HeldOut:
 
     Attributes:
         weighed: The columns.
-        keeps: Columns of the model, and of each value or list in place of its own.
-        always: Columns that stay whatever their sign; None where all do.
+        lists: Columns of the model, and of each value or list in place of its own, shape (m, c).
+        always: Columns that stay whatever their sign, shape (c,); None where all do.
     """
 
     weighed: WeighedRows
-    keeps: tuple[IntArray, ...]
-    always: IntArray | None = None
+    lists: BoolArray
+    always: BoolArray | None = None
 
     @classmethod
     def of(
@@ -97,59 +98,59 @@ class HeldOut:
         The rows of each joint are weighted by the fit of ``model``, or as stated, (n,).
         """
         weighed = WeighedRows(pool, pool.weights(model) if weights is None else weights)
-        return cls(weighed, tuple(np.sort(pool.chosen(own)) for own in sets))
+        return cls(weighed, pool.lists(sets))
 
     def with_parts(self, sets: Sequence[Sequence[Sequence[int]]]) -> HeldOut:
         """Return lists of parts in place of its own, without coefficients of a wrong sign that the model has not."""
-        keeps = tuple(np.sort(self.weighed.pool.chosen(own)) for own in sets)
-        return replace(self, keeps=keeps, always=self.keeps[0])
+        return replace(self, lists=self.weighed.pool.lists(sets), always=self.lists[0])
 
     @property
     def tells(self) -> bool:
         """Whether there are rows enough to hold some out."""
         rows = self.weighed.rows
-        return len(rows) >= FEWEST and bool(np.min(rows) >= 2 * len(self.keeps[0]))
+        return len(rows) >= FEWEST and bool(np.min(rows) >= 2 * np.sum(self.lists[0]))
 
     @cached_property
-    def best(self) -> list[tuple[float, int, IntArray]]:
-        """The least loss of each list, at which delay, and its columns there."""
-        found = []
-        for keep in self.keeps:
-            each = []
-            for view, whole in enumerate(self.weighed.all):
-                own = keep if self.always is None else self.weighed.pool.possible(whole, keep, self.always)
-                each.append((float(whole.losses(own)[0]), view, own))
-            found.append(min(each, key=lambda one: one[0]))
-        return found
+    def best(self) -> tuple[Array, IntArray, BoolArray, Array]:
+        """The least loss of each list (m,), at which delay (m,), its columns there (m, c), and their fit (m, c + 1)."""
+        weighed = self.weighed
+        learned, judged = entries(weighed.wholes + weighed.bodies), entries(weighed.wholes)
+        may_go = np.zeros_like(self.lists[0]) if self.always is None else weighed.pool.nonnegative & ~self.always
+        lists = np.repeat(self.lists[None], len(weighed.wholes), axis=0)
+        losses, mixed = nested_fits(learned, judged, lists)
+        while (wrong := may_go & lists & (mixed[..., :-1] < 0)).any():
+            lists &= ~wrong
+            losses, mixed = nested_fits(learned, judged, lists)
+        at = (views := np.argmin(losses, axis=0)), np.arange(len(views))
+        return losses[at], views, lists[at], mixed[at]
 
     @cached_property
-    def _held(self) -> list[tuple[NestedFits, IntArray]]:
-        """Of each list the fits that leave out one block each, and its places among their columns."""
-        views = {view for _, view, _ in self.best}
-        own = {v: np.unique(np.concatenate([keep for _, view, keep in self.best if view == v])) for v in views}
-        fits = {view: self.weighed.blocks(view, columns) for view, columns in own.items()}
-        return [(fits[view], np.searchsorted(own[view], keep)) for _, view, keep in self.best]
+    def _held(self) -> list[tuple[int, IntArray, Array, Array]]:
+        """Of the fits that leave out one block each: a delay, its lists (m,), losses (B, m), coefficients (B, m, c)."""
+        _, views, lists, _ = self.best
+        each = [(view, np.flatnonzero(views == view)) for view in np.unique(views).tolist()]
+        return [(view, own, *self.weighed.left_out(view, lists[own])) for view, own in each]
 
     def errors(self) -> list[Array]:
         """Return the logarithms of the held-out errors of each: of the blocks, and of the fastest rows, (B + 1,)."""
-        weighed = self.weighed
-        rows, count = np.maximum(weighed.rows, 1), max(int(weighed.pool.fast_rows.sum()), 1)
-        found = [fits.losses(places) / rows for fits, places in self._held]
-        for k, (_, view, keep) in enumerate(self.best):
-            beta = weighed.all[view].residual(keep)[0, :-1]
-            found[k] = np.append(found[k], beyond(beta, *weighed.fast[view], keep, weighed.pool.shared) / count)
-        return [np.log(np.maximum(each, TINY)) for each in found]
+        weighed, pool = self.weighed, self.weighed.pool
+        rows, count = np.maximum(weighed.rows, 1), max(int(pool.fast_rows.sum()), 1)
+        _, _, lists, mixed = self.best
+        found = np.empty((len(rows) + 1, len(lists)))
+        for view, own, losses, _ in self._held:
+            found[:-1, own] = losses / rows[:, None]
+            fast = beyond(mixed[own], weighed.wholes[view], weighed.fast[view], lists[own], pool.shared)
+            found[-1, own] = fast / count
+        return list(np.log(np.maximum(found, TINY)).T)
 
     def by_joint(self) -> list[Array]:
         """Return the held-out squared residuals of each, unweighted, of the blocks and joints, (B, n)."""
-        pool, found = self.weighed.pool, []
-        for (_, view, keep), (fits, places) in zip(self.best, self._held, strict=True):
-            mixed = fits.residual(places)
-            every = np.zeros((len(mixed), pool.size))
-            every[:, pool.views[view][np.append(keep, -1)]] = mixed
-            pairs = [(every[:, own], each) for own, each in zip(pool.places, pool.products, strict=True)]
-            found.append(np.stack([np.einsum("bi,bij,bj->b", own, each, own) for own, each in pairs], axis=1))
-        return found
+        pool = self.weighed.pool
+        every = np.zeros((len(self.weighed.rows), len(self.lists), pool.size))
+        for view, lists, _, mixed in self._held:
+            every[:, lists[:, None], pool.views[view]] = mixed
+        joints = [(every[:, :, own], each) for own, each in zip(pool.places, pool.products, strict=True)]
+        return list(np.stack([np.sum((own @ each) * own, axis=2).T for own, each in joints], axis=2))
 
 
 def share_of(gaps: Array) -> tuple[float, float]:

@@ -186,7 +186,7 @@ class FrictionSearch:
             rest = [k for k, q in enumerate(present) if self.heads[q] != p]
             sets = [by_drive(self.model, parts, own) for own in (range(len(parts)), rest)]
             tried = HeldOut.of(self._pooled.pool(parts), sets[0], sets)
-            own, others = replace(tried, always=np.arange(0)).errors()
+            own, others = replace(tried, always=np.zeros(1, dtype=bool)).errors()
             if not is_better(others - own, least=OF_A_PART):
                 self.absent += tuple(self._of([p]))
                 self.decided[p] = self._told(p, False, others - own)

@@ -82,7 +82,7 @@ def predicts_better(
         pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load, shared=shared).pool(each.friction)
         parts = by_drive(each, each.friction, range(len(each.friction)))
         weights = pool.weights(parts) if weights is None else weights
-        found += replace(HeldOut.of(pool, parts, [parts], weights), always=np.arange(0)).errors()
+        found += replace(HeldOut.of(pool, parts, [parts], weights), always=np.zeros(1, dtype=bool)).errors()
     gain, error, fastest = evidence(np.subtract(*found))
     told = (WHOLE, 0.0, float(gain > 0), float(gain > NOTHING), gain, error, fastest)
     parts = [part for part in model.friction if part.lags and part.is_optional]

@@ -68,9 +68,9 @@ def vary_fields(
         progress(f"non-linear friction: {called(parts[p])} {name}")
         grid = np.geomspace(*span, VALUES)
         pool = pooled.pool([*parts, *(replace(parts[p], **{name: float(x)}) for x in grid)])
-        lists = [[*range(p), own, *range(p + 1, len(parts))] for own in (p, *range(len(parts), len(pool.parts)))]
+        lists = [[*range(p), own, *range(p + 1, len(parts))] for own in range(len(parts), len(pool.parts))]
         sets = [by_drive(model, pool.parts, each) for each in lists]
-        losses = [loss for loss, _, _ in HeldOut.of(pool, sets[1 + VALUES // 2], sets[1:]).best]
+        losses = HeldOut.of(pool, sets[VALUES // 2], sets).best[0]
         parts[p] = pool.parts[len(parts) + int(np.argmin(losses))]
         steps.append(grid[1] / grid[0])
     start, fields = replace(model, friction=tuple(parts)), [([p], name) for p, name in spans]
