@@ -1,6 +1,7 @@
 """Elastic joints, wrong zeros, hysteresis, delays and ripple of single joints: told as what they are, else silence."""
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -59,6 +60,33 @@ def test_a_ripple_is_told_with_the_friction_part_that_models_it(seed: int, tmp_p
     text = (tmp_path / "case.yaml").read_text()
     (tmp_path / "case.yaml").write_text(text.replace("friction:\n", f"friction:\n  - {part}\n"))
     assert not told(list(examine(read_case(tmp_path / "case.yaml"), str(tmp_path / "run.csv")).findings))
+
+
+@pytest.mark.parametrize(("seed", "place"), [(1, 1), (4, 1)])
+def test_a_link_that_is_too_long_is_no_clock(seed: int, place: int, tmp_path: Path) -> None:
+    """A clock that is some percent too slow explains much of it: it was told alone, and obeying it hid the cause."""
+    log = moved(seed, "right")
+    log.case(tmp_path)
+    arm = ElementTree.fromstring(log.model)
+    joint = [one for one in arm.iter("joint") if one.get("type") != "fixed"][place]
+    origin = joint.find("origin")
+    assert origin is not None
+    shift = np.array([0.06, -0.06, 0.05]) + [float(word) for word in origin.get("xyz", "").split()]
+    origin.set("xyz", " ".join(map(str, shift)))
+    (tmp_path / "arm.urdf").write_text(ElementTree.tostring(arm, encoding="unicode"))
+    found = examine(read_case(tmp_path / "case.yaml"), str(tmp_path / "run.csv")).findings
+    (frame,) = [one for one in found if one.name == "link frame"]
+    assert frame.severity == "warning" and set(frame.joint.split(", ")) & {f"joint_{place}", f"joint_{place + 1}"}
+    assert not [one for one in found if one.name == "time scale" and one.severity == "warning"]
+
+
+@pytest.mark.parametrize("seed", [2, 10])
+def test_a_clock_that_is_off_is_no_link(seed: int, tmp_path: Path) -> None:
+    log = moved(seed, "right")
+    log.columns["t"] = 0.93 * log.columns["t"]
+    (clock,) = told(log.told(tmp_path))
+    assert (clock.severity, clock.name) == ("warning", "time scale")
+    assert abs(clock.numbers["value"] + 0.07) < 0.01
 
 
 def test_hysteresis_of_a_torque_is_no_delay(tmp_path: Path) -> None:

@@ -18,7 +18,9 @@ from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import MOVED, TURNED
 from dynident.diagnosis.causes.model_error import ModelError
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.model.robot import Robot
+from dynident.diagnosis.finding import Finding, listed
+from dynident.model.base_parameters import base_parameters
+from dynident.model.robot import Robot, rotation_about
 
 #: Names of the causes that are errors of a link's frame, by rad and by m.
 AXES = TURNED_AXIS, MOVED_AXIS = "turned axis", "displaced axis"
@@ -63,6 +65,20 @@ def axes_off(blames: Sequence[Blame], robot: Robot) -> tuple[Blame, ...]:
     return tuple(sorted(found, key=lambda blame: robot.joint_names.index(blame.cause.joint)))
 
 
+def corrected(fit: QuickFit, axes: Sequence[Blame]) -> QuickFit:
+    """Return the fit with axes of the robot model where they were found."""
+    joints = {joint.name: joint for joint in fit.model.robot.joints}
+    for blame in axes:
+        joint, size = joints[blame.cause.joint], max(float(np.linalg.norm(blame.values)), 1e-12)
+        turned = rotation_about(blame.values / size, size) @ joint.axis
+        moved = (
+            {"axis": turned} if blame.cause.name == TURNED_AXIS else {"translation": joint.translation + blame.values}
+        )
+        joints[joint.name] = replace(joint, **moved)
+    model = replace(fit.model, robot=replace(fit.model.robot, joints=tuple(joints.values())))
+    return replace(fit, model=model, base=base_parameters(model), made=None)
+
+
 def _frame_causes(fit: QuickFit, frames: Array) -> Iterator[Cause]:
     """Yield a turn and a displacement of each axis, ``frames`` as :func:`~.frame_errors.frame_errors` returns them."""
     chain, robot = fit.model.robot.chain, fit.model.robot
@@ -71,3 +87,36 @@ def _frame_causes(fit: QuickFit, frames: Array) -> Iterator[Cause]:
         own = frames[6 * place : 6 * place + 6]
         yield Cause(TURNED_AXIS, name, own[:3] / TURNED, is_filtered=True)
         yield Cause(MOVED_AXIS, name, own[3:] / MOVED, is_filtered=True)
+
+
+def frame_findings(frames: Sequence[Blame], is_grave: bool) -> list[Finding]:
+    """Return what is said of axes that are turned or displaced in the robot model; nothing where none is.
+
+    A link's frame that is turned turns the axes of all joints after it. It is a warning where they explain most,
+    ``is_grave``.
+    """
+    if not frames:
+        return []
+    told, best = [], max(frames, key=lambda blame: blame.certainty)
+    numbers = {"t": best.certainty, "share": best.share}
+    for blame in frames:
+        size, is_turned = float(np.linalg.norm(blame.values)), blame.cause.name == TURNED_AXIS
+        numbers[f"{'angle_deg' if is_turned else 'distance_m'} {blame.cause.joint}"] = (
+            float(np.degrees(size)) if is_turned else size
+        )
+        by = f"turned by about {np.degrees(size):.2g} degrees" if is_turned else f"off by about {1e3 * size:.2g} mm"
+        told.append(f"{blame.cause.joint} {by}")
+    evidence = (
+        f"the residual is that of axes which are off in the robot model: {', '.join(told)} (t = "
+        f"{best.certainty:.0f}, {100 * best.share:.0f} % of a joint's residual variance)"
+    )
+    remedy = (
+        "compare axes and origins of the robot model with the drawing of the robot, from the first of these joints on, "
+        "and check again: figures of other causes depend on them"
+    )
+    joints = listed(tuple(dict.fromkeys(blame.cause.joint for blame in frames)))
+    return [
+        Finding(
+            "warning" if is_grave else "note", "link frame", joints, evidence, remedy, numbers, ("inconsistent links",)
+        )
+    ]

@@ -10,12 +10,12 @@ import numpy as np
 
 from dynident.case.evidence.torques import agrees
 from dynident.diagnosis.causes.cause_search import MANY, Blame
-from dynident.diagnosis.causes.frame_search import TURNED_AXIS
+from dynident.diagnosis.causes.frame_search import frame_findings
 from dynident.diagnosis.causes.position_spectrum import RIPPLE
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends, leaned
-from dynident.diagnosis.finding import Finding, Severity, listed
+from dynident.diagnosis.finding import Finding, Severity
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Joint
 
@@ -45,6 +45,9 @@ NARROW = 0.5
 #: Standard deviations of its figure from which a cause is told beside another one, or against known bodies.
 TOLD = 2.0
 
+#: Share of what a clock explains from which axes that are off explain it as well.
+AS_WELL = 0.9
+
 #: Standard deviations of half a 95 % interval.
 Z95 = 1.96
 
@@ -73,9 +76,10 @@ def standing(trends: Trends, blames: Sequence[Blame]) -> tuple[list[Finding], li
 
     Where a rotor inertia or a grave cause may be an axis that is off, all are judged beside the axes as well. A rotor
     inertia does not stand beside a surer delay of its joint's torque, of which it would take the rest in, and a delay
-    not beside friction and hysteresis of its joint.
+    not beside friction and hysteresis of its joint. A clock competes with axes that are put right.
     """
     every = [each for blame in blames for each in (blame, *blame.rivals)]
+    clock = next((one for one in blames if one.cause.name == "time scale" and is_grave(one)), None)
     doubted = any(each.cause.name == "rotor inertia" or is_grave(each) for each in every if each.cause.name != RIPPLE)
     frames = trends.frames if doubted else ()
     delays = [blame for blame in (*blames, *trends.blames) if blame.cause.name == DELAY]
@@ -95,7 +99,24 @@ def standing(trends: Trends, blames: Sequence[Blame]) -> tuple[list[Finding], li
         for blame in blames
         if stands(blame, blame)
     ]
-    return frame_findings(frames), kept
+    found = frame_findings(frames, any(map(is_grave, frames)))
+    return (found, kept) if clock is None else _beside_clock(trends, clock, (found, kept))
+
+
+def _beside_clock(
+    trends: Trends, clock: Blame, plain: tuple[list[Finding], list[Blame]]
+) -> tuple[list[Finding], list[Blame]]:
+    """Return axes of the robot model in the place of a clock, where they explain the log as well; else ``plain``."""
+    axes, share = trends.frames_for_clock
+    told = believed(clock)
+    if share < AS_WELL or told is None:
+        return plain
+    found = frame_findings(axes, is_grave=True)
+    if share < 1.0 / AS_WELL:
+        one, beside = trend_finding(told, trends.fit), found[0].label
+        evidence = f"not distinguishable from {beside}: {one.evidence}"
+        found.append(replace(one, severity="note", evidence=evidence, beside=beside))
+    return found, [blame for blame in plain[1] if blame.cause is not clock.cause]
 
 
 def sureness(blame: Blame) -> float:
@@ -338,35 +359,6 @@ def _zero(blame: Blame, fit: QuickFit) -> tuple[str, str]:
         f"{'small' if value > 0 else 'large'} for the robot model"
     )
     return evidence, "compare its zero with that of the robot model, and axis and origin of the next joint"
-
-
-def frame_findings(frames: Sequence[Blame]) -> list[Finding]:
-    """Return what is said of axes that are turned or displaced in the robot model; nothing where none is.
-
-    A link's frame that is turned turns the axes of all joints after it.
-    """
-    if not frames:
-        return []
-    told, best = [], max(frames, key=lambda blame: blame.certainty)
-    numbers = {"t": best.certainty, "share": best.share}
-    for blame in frames:
-        size, is_turned = float(np.linalg.norm(blame.values)), blame.cause.name == TURNED_AXIS
-        numbers[f"{'angle_deg' if is_turned else 'distance_m'} {blame.cause.joint}"] = (
-            float(np.degrees(size)) if is_turned else size
-        )
-        by = f"turned by about {np.degrees(size):.2g} degrees" if is_turned else f"off by about {1e3 * size:.2g} mm"
-        told.append(f"{blame.cause.joint} {by}")
-    evidence = (
-        f"the residual is that of axes which are off in the robot model: {', '.join(told)} (t = "
-        f"{best.certainty:.0f}, {100 * best.share:.0f} % of a joint's residual variance)"
-    )
-    remedy = (
-        "compare axes and origins of the robot model with the drawing of the robot, from the first of these joints on, "
-        "and check again: figures of other causes depend on them"
-    )
-    joints = listed(tuple(dict.fromkeys(blame.cause.joint for blame in frames)))
-    severity: Severity = "warning" if any(map(is_grave, frames)) else "note"
-    return [Finding(severity, "link frame", joints, evidence, remedy, numbers, ("inconsistent links",))]
 
 
 def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:

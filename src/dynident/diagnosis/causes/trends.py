@@ -15,7 +15,7 @@ from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_figures import about_their_bodies, figure_beside, figured
 from dynident.diagnosis.causes.cause_search import CHANCE, Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import frame_errors
-from dynident.diagnosis.causes.frame_search import AXES, axes_off, blames_beside_frames
+from dynident.diagnosis.causes.frame_search import AXES, axes_off, blames_beside_frames, corrected
 from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.model_error import FitErrors, ModelError
 from dynident.diagnosis.causes.position_spectrum import RIPPLE, ripples
@@ -68,6 +68,25 @@ class Trends:
     def frames(self) -> tuple[Blame, ...]:
         """Axes of the robot model that are surely off, from the base on; none where one is off by too much."""
         return axes_off(self._beside_frames, self.fit.model.robot)
+
+    @cached_property
+    def frames_for_clock(self) -> tuple[tuple[Blame, ...], float]:
+        """Axes that are off in the place of a clock, and what they explain over what the clock does; none at 0.
+
+        Straight lines hold for no link that is a tenth too long, so the robot model is put right and fitted anew. Each
+        is a fall of Schwarz's criterion.
+        """
+        others = [cause for cause in self.causes if cause.name != "time scale"]
+        found, robot = blames_beside_frames(self.fit, self._rows, others, self._error), self.fit.model.robot
+        best = sorted((blame for blame in found if blame.cause.name in AXES), key=lambda blame: -blame.share)[:1]
+        axes = axes_off(found, robot) or axes_off(best, robot)
+        if not axes:
+            return (), 0.0
+        worth, clock = self._rows.worth, [cause.name for cause in self._tangents.causes].index("time scale")
+        plain, fast = (self._tangents.fit(chosen).variances for chosen in ([], [clock]))
+        right, rows = corrected(self.fit, axes).plain.variances, float(np.log(worth.sum()))
+        by_axes = float(worth @ np.log(plain / right)) - rows * sum(len(blame.values) for blame in axes)
+        return axes, by_axes / max(float(worth @ np.log(plain / fast)) - rows, rows)
 
     def is_sure_beside_frames(self, cause: Cause) -> bool:
         """Return whether a cause is sure where axes of the robot model may be off as well, or no axis explains it.
