@@ -116,6 +116,6 @@ class Presliding(Friction):
         found = [at := min(max(start / self.length, -1.0), 1.0)]
         for way in moves:
             side = 1.0 if way >= 0.0 else -1.0
-            rest = (1.0 - side * at) ** shape - step * side * way
+            rest = max(1.0 - side * at, 0.0) ** shape - step * side * way
             found.append(at := side * (1.0 - rest**inverse) if rest > 0.0 else side)
         return self.length * np.array(found)
