@@ -129,7 +129,7 @@ class QuickFit:
     @cached_property
     def rows(self) -> FitRows:
         """The rows as the case reads them."""
-        rows = self._every if self.counting is None else self._counted(self._every)
+        rows = self._counted(self._every)
         return rows if self.explained is None else replace(rows, torque=rows.torque - self.explained)
 
     @cached_property
