@@ -28,6 +28,8 @@ from dynident.model.inertia import Inertia
 from dynident.model.plausible import plausible_constraints
 from dynident.model.robot import Robot
 from dynident.results.plausibility import plausibility_lines
+from dynident.results.report.sections import SECTIONS
+from dynident.results.report.subject import Subject
 from dynident.robot_files import read_robot
 
 MakeLog = Callable[..., Log]
@@ -123,6 +125,8 @@ def test_masses_that_nothing_determines_are_named_and_no_others(tmp_path: Path, 
     assert facts_of(found).massless == names
     (line,) = [line for line in plausibility_lines(found, None) if line.startswith("masses of")]
     assert "masses of all links are not known: the log does not determine them" in line
+    answer = SECTIONS.make("verdict").context(Subject(found))["answers"][1]
+    assert answer.tone == "fair" and "masses of all links are not known" in answer.detail
     notes = export_model(found, "urdf", tmp_path / "a.urdf").notes
     assert any(note.startswith("masses of all links are not known") for note in notes)
     stated = Constraints({names[1]: BodyConstraints(mass=ValueRange(1.0, 1e4))})
@@ -130,6 +134,7 @@ def test_masses_that_nothing_determines_are_named_and_no_others(tmp_path: Path, 
     assert facts_of(partly).massless == (names[0], *names[2:])
     known = fit(build_problem(replace(model, robot=robot), [log], GIVEN), Consistent())
     assert facts_of(known).massless == ()
+    assert SECTIONS.make("verdict").context(Subject(known))["answers"][1].tone == "good"
     assert not [line for line in plausibility_lines(known, None) if line.startswith("masses of")]
 
 

@@ -196,10 +196,14 @@ def test_the_word_of_the_verdict_and_its_reason(case: tuple[Estimate, Validation
         found = context("verdict", replace(subject, estimate=replace(subject.estimate, provenance=stated)))
         return found["word"], found["reason"], found["tone"]
 
-    assert said(None) == ("No acceptance criteria", "the checks of the training logs found no error", "fair")
+    assert said(None) == ("Log checks passed", "the checks of the training logs found no error", "fair")
     assert said(0.05) == ("Accepted", "1 of 1 criteria met", "good")
     assert said(0.01) == ("Criteria not met", "total_error", "bad")
     wrong = examined("run.csv")
+    wrong["findings"][0]["severity"] = "warning"
+    word, reason, tone = said(None, [wrong, examined("other.csv")])
+    name = wrong["findings"][0]["name"]
+    assert (word, tone) == ("Warnings", "fair") and f"found no error, but 1 warning: {name}" in reason
     wrong["findings"][0]["severity"] = "error"
     word, reason, tone = said(0.05, [wrong])
     assert (word, tone) == ("Not accepted", "bad") and reason.startswith("the log checks have 1 finding at error level")

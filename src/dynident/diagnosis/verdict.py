@@ -87,12 +87,14 @@ class Verdict:
         criteria: The acceptance criteria, judged; none where none are stated.
         is_checked: Whether the log checks were made on the logs of the fit.
         apart: Logs of the fit that parameters of the other ones do not explain, by a warning.
+        warned: Titles of the other findings of the log checks at warning level.
     """
 
     causes: tuple[ErrorFinding, ...]
     criteria: tuple[AcceptanceCriterion, ...]
     is_checked: bool
     apart: tuple[str, ...] = ()
+    warned: tuple[str, ...] = ()
 
     @property
     def word(self) -> str:
@@ -209,7 +211,8 @@ def verdict_of(
     stated = Acceptance(estimate.provenance.get("accept") or {}) if acceptance is None else acceptance
     on = "training data" if test is None or not is_held_out else "test data"
     judged = [_judged(name, limit, estimate, test, known, on) for name, limit in stated.limits.items()]
-    return Verdict(causes, tuple(judged), known is not None, logs_apart(known or ()))
+    warned = [own.title for own in _told_once(known or (), "warning", ("name", "joint")) if own.name != UNLIKE_OTHERS]
+    return Verdict(causes, tuple(judged), known is not None, logs_apart(known or ()), tuple(warned))
 
 
 def logs_apart(quality: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:

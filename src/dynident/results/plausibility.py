@@ -53,8 +53,7 @@ def range_end(value: float | None) -> str:
 def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
     """Return which nominal inertias are missing, impossible or no bodies of their link's size, and what is taken."""
     lines, defects, light = [], consistency_defects(robot.links), _weightless(robot)
-    if facts.massless:
-        links = "all links" if len(facts.massless) == len(robot.links) else ", ".join(map(label, facts.massless))
+    if links := links_of_unknown_mass(robot, facts):
         why = "the log does not determine them, and the robot model states none"
         lines.append(
             f"masses of {links} are not known: {why}; state them there, or mass or total_mass in the constraints"
@@ -91,6 +90,12 @@ def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
             end = "or state body: and thickness: in the constraints"
             lines.append(f"the robot model's inertia of {links} is {what}: {fate}, {end}")
     return lines
+
+
+def links_of_unknown_mass(robot: Robot, facts: Plausibility | None) -> str:
+    """Return the links whose mass neither data nor robot model determine, as words; empty where there are none."""
+    names = () if facts is None else facts.massless
+    return "all links" if len(names) == len(robot.links) else ", ".join(map(label, names))
 
 
 def nominal_state(link: Link) -> str:

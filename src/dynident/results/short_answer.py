@@ -252,7 +252,7 @@ def _clauses(text: str, width: int) -> list[str]:
 
 def verdict_line(verdict: Verdict) -> str:
     """Return the verdict, or what the log checks found where no criteria are stated."""
-    return headline(verdict) or f"no acceptance criteria stated (--accept); {reason_of(verdict)}"
+    return headline(verdict) or reason_of(verdict)
 
 
 def labels_line(estimate: Estimate) -> str:

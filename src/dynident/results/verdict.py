@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from dynident.diagnosis.verdict import NO_CRITERIA, OF_FIT, AcceptanceCriterion, Verdict
-from dynident.results.text import MISSING, Column, Table, format_percent, label
+from dynident.results.text import MISSING, Column, Table, counted, format_percent, label
 
 #: What is said where nobody has looked at the logs of a fit.
 NOT_CHECKED = "log checks: not made on the logs of this fit ('dynident check' makes them)"
 
-#: Logs that are named at most.
+#: Logs, and warnings, that are named at most.
 _NAMED = 4
 
 #: What the exports say of an estimate that findings speak against.
@@ -30,10 +32,21 @@ def reason_of(verdict: Verdict) -> str:
         if not verdict.is_checked:
             return "the log checks were not made"
         told = "the checks of the training logs found no error"
-        names = [*verdict.apart[:_NAMED], *["..."] * (len(verdict.apart) > _NAMED)]
-        return f"{told}, but logs that do not go with the others: {', '.join(map(label, names))}" if names else told
+        but = [
+            f"{what}: {_first_names(names)}"
+            for what, names in (
+                ("logs that do not go with the others", verdict.apart),
+                (counted(len(verdict.warned), "warning"), verdict.warned),
+            )
+            if names
+        ]
+        return f"{told}, but {'; '.join(but)}" if but else told
     missed = [criterion.criterion for criterion in verdict.criteria if not criterion.is_met]
     return ", ".join(missed) or f"{len(verdict.criteria)} of {len(verdict.criteria)} criteria met"
+
+
+def _first_names(names: Sequence[str]) -> str:
+    return ", ".join(map(label, [*names[:_NAMED], *["..."] * (len(names) > _NAMED)]))
 
 
 def cause_lines(verdict: Verdict) -> list[str]:

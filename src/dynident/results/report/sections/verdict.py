@@ -7,10 +7,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynident.diagnosis.verdict import ACCEPTED, NO_CRITERIA
+from dynident.diagnosis.verdict import ACCEPTED, NO_CRITERIA, Verdict
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.plausibility import Plausibility
 from dynident.results.figures import error_chart, small_torque_chart
+from dynident.results.plausibility import links_of_unknown_mass
 from dynident.results.report.judgement import GAP, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import Drawing, ReportSection, drawn
 from dynident.results.report.subject import Dataset, Subject
@@ -18,8 +20,7 @@ from dynident.results.short_answer import not_significant, of_training
 from dynident.results.text import format_percent, label, pretty_unit, rest_words, shorten
 from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, reason_of
 
-#: What the word of a verdict is called where it does not stand for itself, and how each is coloured.
-_WORDS = {NO_CRITERIA: "No acceptance criteria"}
+#: How the words of a verdict that speak not against the estimate are coloured.
 _TONES = {ACCEPTED: "good", NO_CRITERIA: "fair"}
 
 _WITHOUT_PRAISE = {"good": "fair"}
@@ -65,7 +66,7 @@ class VerdictSection(ReportSection):
         shown = _worst_data(subject)
         return {
             "tone": _TONES.get(judged.word, "bad"),
-            "word": _WORDS.get(judged.word, judged.word.capitalize()),
+            "word": _word(judged),
             "reason": reason_of(judged),
             "data": shown,
             "caption": "" if shown is None else _caption(shown),
@@ -77,6 +78,15 @@ class VerdictSection(ReportSection):
             "answers": answers,
             "sentences": [*_about_prediction(subject), *_about_robot(subject), *_about_parameters(estimate)],
         }
+
+
+def _word(judged: Verdict) -> str:
+    """Return the verdict in a word or two; without acceptance criteria what came of the log checks."""
+    if judged.word != NO_CRITERIA:
+        return judged.word.capitalize()
+    if not judged.is_checked:
+        return "Logs not checked"
+    return "Warnings" if judged.warned or judged.apart else "Log checks passed"
 
 
 def _worst_data(subject: Subject) -> Dataset | None:
@@ -184,6 +194,9 @@ def _untested(subject: Subject) -> str:
 
 def _consistency(estimate: Estimate) -> VerdictAnswer:
     found = estimate.consistency
+    if links := found.consistent and links_of_unknown_mass(estimate.model.robot, Plausibility.of(estimate.run)):
+        detail = f"but masses of {links} are not known: its bodies are one choice of many"
+        return VerdictAnswer("Yes", "physically consistent", detail, "fair")
     if found.consistent:
         return VerdictAnswer("Yes", "physically consistent", "pseudo-inertia positive definite for each link", "good")
     count = len(found.reasons)
