@@ -277,8 +277,12 @@ def test_torques_are_taken_before_currents_and_commands_never(
     columns = numbered(motion) | {f"i{k}": motion["time"] for k in range(1, 7)}
     columns |= {f"tau_des{k}": motion["time"] for k in range(1, 7)}
     columns |= {f"q_cmd{k}": motion["q"][:, k - 1] for k in range(1, 7)}
+    plain_log = draft_case(arm, write_log(tmp_path / "plain.csv", columns), tmp_path)
+    columns |= {"T1": motion["time"], "status": motion["time"]}
     draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
     case = read(draft, tmp_path)
+    assert "    # not read: T1, status\n" in draft.text
+    assert draft.text.count("not read") == 2 and plain_log.text.count("not read") == 1
     assert case.columns.torque == tuple(f"tau{k}" for k in range(1, 7)) and not case.columns.current
     assert case.columns.q_ref == tuple(f"q_cmd{k}" for k in range(1, 7))
     assert "# current: i1 to i6 are there as well" in draft.text

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.actuators.lerobot_calibration import SHARES
+from dynident.case.draft.column_groups import groups_of_robot, split_time
 from dynident.case.draft.column_words import is_pressure
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
@@ -20,6 +21,9 @@ _WORDS = {
     "current": "the motor currents",
     "temperature": "the temperatures of the drives",
 }
+
+#: Groups of columns that are not read, at most, in one line.
+_SHOWN = 8
 
 
 def log_lines(found: Recognised) -> list[str]:
@@ -146,7 +150,21 @@ def _columns(found: Recognised) -> list[str]:
         lines.append(f"    temperature: {value}   # of the drives, in degrees Celsius; {plain(drives.how)}")
     lines += [f"    # {key}: {plain(why)}" for key, why in found.left_out.items()]
     lines += [f"    # not read: {plain(group.shown())}, {plain(why)}" for group, why in found.refused]
-    return lines
+    return [*lines, *_others(found, "\n".join(lines))]
+
+
+def _others(found: Recognised, told: str) -> list[str]:
+    """Return which further columns the log has, those apart that are named in what is ``told``."""
+    if found.structure is not None:
+        return []
+    times = {name for name, _ in split_time(found.header) or ()} if found.is_clocked else {found.time}
+    groups = groups_of_robot(found.header, found.robot)
+    grouped = {name for group in groups for name in group.names}
+    columns = {group.names: group.shown() for group in groups} | {(n,): n for n in found.header if n not in grouped}
+    read = times | {name for source in found.sources.values() for name in source.columns}
+    free = [names for names, shown in columns.items() if not read & {*names} and plain(shown) not in told]
+    free.sort(key=lambda names: found.header.index(names[0]))
+    return [f"    # not read: {few([columns[names] for names in free], _SHOWN)}"] if free else []
 
 
 def _column(found: Recognised, signal: str) -> str:
