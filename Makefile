@@ -8,6 +8,8 @@ NOISE := --disable-pip-version-check --quiet
 WHEN = $(shell git log -1 --format=%ct 2>/dev/null || date -r CHANGELOG.md +%s)
 # Processes that the tests start would compile every module anew.
 unexport PYTHONDONTWRITEBYTECODE
+# pip compiles what it copies, and no editable package: where Python may write no byte code, each command would compile it.
+COMPILED = $(BIN)/python -m compileall -q -j 0 src
 PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 
 .PHONY: demo test test-all coverage lint type imports check benchmark docs notebooks release constraints clean
@@ -63,11 +65,13 @@ release: constraints/release.txt constraints/core.txt  ## wheel, sdist and bill 
 .venv/core: constraints/core.txt pyproject.toml | .venv/bin/python
 	$(BIN)/python -m pip install $(NOISE) --require-hashes -r constraints/core.txt
 	$(BIN)/python -m pip install $(NOISE) --no-deps --no-build-isolation -e .
+	$(COMPILED)
 	touch $@
 
 .venv/dev: constraints/dev.txt pyproject.toml | .venv/bin/python
 	$(BIN)/python -m pip install $(NOISE) --require-hashes -r constraints/dev.txt
 	$(BIN)/python -m pip install $(NOISE) --no-deps --no-build-isolation -e .
+	$(COMPILED)
 	touch .venv/core $@
 
 .venv/coverage: constraints/coverage.txt .venv/dev
