@@ -517,8 +517,14 @@ def test_several_logs_and_their_parts(arm: str, motion: dict[str, Array], tmp_pa
     stated = read(draft_case(arm, paths[:2], tmp_path / "cases", test=paths[2:]), tmp_path / "cases")
     assert (stated.train, stated.test) == (case.train, case.test)
     other = write_log(tmp_path / "d.csv", numbered(motion, torque="moment{}"))
-    with pytest.raises(LogFormatError, match="no column 'tau1' as in the first log"):
+    with pytest.raises(LogFormatError, match=r"no column 'tau1' as in the first log.* make a case for each kind"):
         draft_case(arm, [paths[0], other], tmp_path)
+    parts = [
+        write_log(tmp_path / f"{key}.csv", {k: v for k, v in numbered(motion).items() if k == "t" or k.startswith(key)})
+        for key in ("q", "tau")
+    ]
+    with pytest.raises(LogFormatError, match="signals of one motion in several files: put their columns side by side"):
+        draft_case(arm, parts, tmp_path)
 
 
 def test_logs_that_are_reduced_as_a_stream_ask_for_nothing_that_a_stream_cannot_do(

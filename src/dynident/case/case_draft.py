@@ -22,7 +22,7 @@ from dynident.case.draft.joint_choice import outside_limits
 from dynident.case.draft.long_table import refuse_long
 from dynident.case.draft.moving_base import moving_base
 from dynident.case.draft.profile_fit import fitting_profiles
-from dynident.case.draft.readings import long_gap, opened
+from dynident.case.draft.readings import ONE_FILE, long_gap, opened
 from dynident.case.draft.recognise import cutoff_of, recognised
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import is_servo_log, servo_remark
@@ -43,7 +43,7 @@ from dynident.robot_files import read_robot
 _FIRST_ROWS = 1 << 12
 
 #: What to do where a file holds one signal.
-_ELSEWHERE = "; where each signal has a file of its own, put their columns side by side into one"
+_ELSEWHERE = f"; where each signal has a file of its own, {ONE_FILE}"
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,9 @@ BAND_SHARE = 0.999
 #: Travel, as a share of the largest in a log, below which a joint only sways, or its encoder is coarse.
 SWAYS = 0.005
 
+#: What to do with signals in several files.
+ONE_FILE = "put their columns side by side into one, at the times of one clock (docs/log-formats.md)"
+
 #: What names faulty rows, and what repairs those that are safe to repair.
 _NAMED, _FIXED = "'dynident check' with this case names the rows", "its --fix OUT.csv"
 
@@ -98,6 +101,8 @@ def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) 
     for name in names:
         if name not in table.header:
             step = "all logs of one case have the same columns; make a case for each kind of log"
+            if {*names} & {*table.header} <= {time}:
+                step = f"signals of one motion in several files: {ONE_FILE}; of several kinds of log make a case each"
             raise LogFormatError(table.path, table.line, f"no column '{name}' as in the first log", step)
     values, is_head = _head(table, names)
     rows = len(values)
