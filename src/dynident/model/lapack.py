@@ -84,7 +84,7 @@ def _upper(rows: int, columns: int) -> Array:
 def solve_positive(matrix: Array, right: Array) -> Array | None:
     """Return X of A X = B by Cholesky's factor of A (k, k); None where A is not positive (LAPACK's ``dposv``)."""
     own, found = np.array(matrix, dtype=np.float64, order="F"), np.array(right, dtype=np.float64, order="F")
-    if found.size and _run("dposv", b"U", len(own), found.size // len(own), own, len(own), found, len(own)):
+    if found.size and _run("dposv", b"L", len(own), found.size // len(own), own, len(own), found, len(own)):
         return None
     return found
 

@@ -292,8 +292,8 @@ class CauseSearch:
         columns, use = self.columns, self.used(chosen)
         new = np.arange(self.size, columns.sides.shape[1])
         every, weights, known = np.concatenate([use, new]), 1.0 / before.variances, len(use)
-        gram = np.tensordot(weights, columns.grams[:, every[:, None], every], 1)
-        side, sizes = weights @ columns.sides[:, every], np.diag(gram).copy()
+        gram = np.tensordot(weights, columns.grams, 1)[every[:, None], every]
+        side, sizes = (weights @ columns.sides)[every], np.diag(gram).copy()
         gram += np.diag(RIDGE * np.where(sizes > 0, sizes, 1.0))
         along = np.linalg.solve(gram[:known, :known], gram[:known, known:])
         beyond = gram[known:, known:] - gram[known:, :known] @ along

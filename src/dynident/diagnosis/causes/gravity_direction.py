@@ -42,7 +42,10 @@ class GravityDirection:
 
     def __init__(self, fit: QuickFit) -> None:
         self._fit = fit
-        still, *along = (fit.rows_under(regressor) for regressor in fit.gravity_observers)
+        gravity, (nothing, *axes) = np.asarray(fit.model.robot.gravity), fit.gravity_observers
+        most, still = int(np.argmax(np.abs(gravity))), fit.rows_under(nothing)
+        along = [fit.rows if k == most else fit.rows_under(axis) for k, axis in enumerate(axes)]
+        rest = np.where(np.arange(3) == most, 1.0, -gravity) / gravity[most]  # the stated rows have that of all axes
         self._first = _weight_of_first(fit)
         joints, size = fit.model.robot.dof, fit.base.count + 2
         self._grams = np.zeros((joints, len(PAIRS), size, size))
@@ -53,6 +56,7 @@ class GravityDirection:
             kept, own = still.masks[:, i], still.columns[i]
             parts = np.stack([rows.blocks[i][kept] for rows in (still, *along)])
             parts[1:] -= parts[0]
+            parts[1 + most] = np.tensordot(rest, parts[1:], 1)
             if i == 0:
                 own = np.append(own, [size - 2, size - 1])
                 parts = np.concatenate([parts, np.zeros((4, parts.shape[1], 2))], axis=2)

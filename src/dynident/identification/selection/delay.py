@@ -20,13 +20,13 @@ from functools import cached_property
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import LONGEST_DELAY, Prepared, thinned
 from dynident.identification.problem.choices import DelayRecord
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.residuals.quantiles import chi_square_tail, normal_share, student_quantile
-from dynident.identification.selection.delay_rows import MOST, PARTS, RANGE, DelayRows, Share, dense_rows
+from dynident.identification.selection.delay_rows import MOST, PARTS, RANGE, DelayRows, Share, dense_rows, shares_of
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.presliding import Presliding
@@ -150,9 +150,11 @@ class _DelaySearch:
         self.prepared = [dense_rows(log) for log in plain]
         self.part = -(-sum(len(log.keep) for log in self.prepared) // MOST)
         self.rows = [DelayRows(regressor, log, -RANGE, RANGE, self.part) for log in self.prepared]
+        self._made: dict[int | tuple[bool, ...], list[Share]] = {}
         self.seconds: Array = np.zeros(len(plain))
-        shares = [log.shares() for log in self.rows]
-        self.beta = _weighted_fit(regressor.base.count, _merged(shares, self._torques(self.seconds)))
+        self.beta = _weighted_fit(
+            regressor.base.count, self._triangles(np.zeros(len(plain), bool), self._torques(self.seconds))
+        )
 
     @cached_property
     def delays(self) -> tuple[DelayRecord, ...]:
@@ -182,19 +184,19 @@ class _DelaySearch:
             away: Logs of which only rows away from reversals count, shape (L,).
             pooled: Whether what the joints differ by counts as noise of their rows, not as a doubt of its own.
         """
-        masks = [log.away if only else log.counting for log, only in zip(self.rows, away, strict=True)]
+        masks = self._masks(away)
         torques = self._torques(self.seconds)
         predicted = [log.predicted(self.beta) for log in self.rows]
         residuals = [torque - model for torque, model in zip(torques, predicted, strict=True)]
         squares = sum(np.sum(np.where(mask, r, 0.0) ** 2, axis=0) for mask, r in zip(masks, residuals, strict=True))
         weights = _weights(np.asarray(squares), np.sum([mask.sum(axis=0) for mask in masks], axis=0))
-        size, joints = self.regressor.base.count, self.regressor.model.robot.dof
-        triangles: list[Triangle] = []
-        for log, only, torque, model in zip(self.rows, away, torques, predicted, strict=True):
-            slope = -log.slope(model)
-            for i, share in enumerate(log.shares(bool(only))):
-                triangles.append(share.triangle(torque[:, i], slope[:, i], size + len(triangles)))
-        reduced = reduce(triangles, size + len(triangles), np.tile(weights, len(self.rows)))
+        size, joints, logs = self.regressor.base.count, self.regressor.model.robot.dof, len(self.rows)
+        slopes, ends = np.zeros((joints, sum(map(len, predicted)), logs)), np.cumsum([0, *map(len, predicted)])
+        for k, (log, model) in enumerate(zip(self.rows, predicted, strict=True)):  # a column for each log
+            slopes[:, ends[k] : ends[k + 1], k] = -log.slope(model).T
+        places = size + np.arange(joints * logs).reshape(logs, joints)
+        triangles = self._triangles(away, torques, slopes, places)
+        reduced = reduce(triangles, size + joints * logs, weights)
         solution = least_squares(reduced)
         # Rows that hang together count once, each joint's by how its own do.
         factors = correlation_factors(residuals, masks)
@@ -212,11 +214,10 @@ class _DelaySearch:
         That is the joints' mean logarithm of the mean square.
         """
         torques = self._torques(np.array([delay.applied for delay in delays]))
-        parts = [_merged([log.part(k) for log in self.rows], torques) for k in range(PARTS)]
+        parts = [_of_shares(self._part(k), torques) for k in range(PARTS)]
         squares, rows = np.zeros(self.regressor.model.robot.dof), np.zeros(self.regressor.model.robot.dof)
         for k, left_out in enumerate(parts):
-            seen = [first.merged(rest) for first, *rest in zip(*parts[:k], *parts[k + 1 :], strict=True)]
-            beta = _weighted_fit(self.regressor.base.count, seen)
+            beta = _weighted_fit(self.regressor.base.count, _merged([*parts[:k], *parts[k + 1 :]]))
             squares += [triangle.residual_square(beta) for triangle in left_out]
             rows += [triangle.rows for triangle in left_out]
         return float(np.average(np.log(np.maximum(squares, np.finfo(float).tiny) / np.maximum(rows, 1)), weights=rows))
@@ -228,19 +229,55 @@ class _DelaySearch:
             if not log.low <= delay <= log.high:
                 low, high = min(log.low, delay - RANGE), max(log.high, delay + RANGE)
                 self.rows[k] = DelayRows(self.regressor, self.prepared[k], low, high, self.part)
+                self._made.clear()
 
     def _torques(self, seconds: Array) -> list[Array]:
         """Return the torques (N, n) that belong to the rows of each log under delays (L,)."""
         return [log.torque(delay) for log, delay in zip(self.rows, seconds.tolist(), strict=True)]
 
+    def _masks(self, away: BoolArray) -> list[BoolArray]:
+        """Return the rows of each log that count, shape (N, n); of the logs ``away`` (L,) those away from reversals."""
+        return [log.away if only else log.counting for log, only in zip(self.rows, away, strict=True)]
 
-def _merged(shares: Sequence[Sequence[Share]], torques: Sequence[Array]) -> list[Triangle]:
-    """Return the triangle of each joint of shares of all logs with torques (N, n) of each log."""
-    found = [
-        [share.triangle(torque[:, i]) for i, share in enumerate(own)]
-        for own, torque in zip(shares, torques, strict=True)
-    ]
-    return [first.merged(rest) for first, *rest in zip(*found, strict=True)]
+    def _triangles(
+        self, away: BoolArray, torques: Sequence[Array], more: Array | None = None, places: IntArray | None = None
+    ) -> list[Triangle]:
+        """Return the triangle of each joint of the rows of :meth:`_masks`; those of all rows are those of their parts.
+
+        Args:
+            away: Logs of which only rows away from reversals count, shape (L,).
+            torques: Of each log, shape (N, n).
+            more: More columns of each joint, shape (n, N, k); None for none.
+            places: Their positions in beta, shape (k, n).
+        """
+        if not away.any():
+            return _merged([_of_shares(self._part(k), torques, more, places) for k in range(PARTS)])
+        name = tuple(away.tolist())
+        if name not in self._made:
+            self._made[name] = shares_of(self.rows, self._masks(away))
+        return _of_shares(self._made[name], torques, more, places)
+
+    def _part(self, number: int) -> list[Share]:
+        """Return the rows that count of each joint in one of the parts of the logs."""
+        if number not in self._made:
+            masks = [log.counting & (log.part == number)[:, None] for log in self.rows]
+            self._made[number] = shares_of(self.rows, masks)
+        return self._made[number]
+
+
+def _of_shares(
+    shares: Sequence[Share], torques: Sequence[Array], more: Array | None = None, places: IntArray | None = None
+) -> list[Triangle]:
+    """Return the triangle of each joint with torques (N, n) of each log; and more columns, if given."""
+    torque = np.concatenate(torques)
+    if more is None or places is None:
+        return [share.triangle(torque[:, i]) for i, share in enumerate(shares)]
+    return [share.triangle(torque[:, i], more[i], places[:, i].tolist()) for i, share in enumerate(shares)]
+
+
+def _merged(parts: Sequence[Sequence[Triangle]]) -> list[Triangle]:
+    """Return the triangle of each joint of all parts."""
+    return [first.merged(rest) for first, *rest in zip(*parts, strict=True)]
 
 
 def _common(delays: Array, covariance: Array, pooled: bool) -> tuple[float, float, bool]:

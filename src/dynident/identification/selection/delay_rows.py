@@ -7,7 +7,7 @@ what is near a reversal stay as they are; W = Q R is made once for each joint, a
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,11 +41,11 @@ _SLOPE = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
 
 @dataclass(frozen=True)
 class Share:
-    """Some rows of one joint, W = Q R.
+    """Some rows of one joint in all logs, W = Q R.
 
     Attributes:
         columns: Positions in beta of the columns of W, shape (K,).
-        rows: Which of the log's rows they are, shape (m,).
+        rows: Which of all rows of the logs they are, shape (m,).
         q: Shape (m, min(m, K)).
         r: Shape (min(m, K), K).
     """
@@ -55,22 +55,28 @@ class Share:
     q: Array
     r: Array
 
-    def triangle(self, torque: Array, column: Array | None = None, place: int = 0) -> Triangle:
-        """Return the triangle of [W, tau], with one more column before the torque if given.
+    def triangle(self, torque: Array, more: Array | None = None, places: Sequence[int] = ()) -> Triangle:
+        """Return the triangle of [W, tau], with more columns before the torque if given.
 
         Args:
-            torque: Of all rows of the log, shape (N,).
-            column: The other column, shape (N,).
-            place: Its position in beta.
+            torque: Of all rows of the logs, shape (N,).
+            more: The other columns, shape (N, k).
+            places: Their positions in beta.
         """
-        values = torque[self.rows, None] if column is None else np.column_stack([column, torque])[self.rows]
+        values = torque[self.rows, None] if more is None else np.column_stack([more, torque])[self.rows]
         inside = self.q.T @ values
-        rest = values - self.q @ inside
-        more = self.q.T @ rest  # what rounding left of Q in the rest
-        inside, rest = inside + more, triangle_of(rest - self.q @ more)
+        rest = triangle_of(values - self.q @ inside)
         factor = np.vstack([np.hstack([self.r, inside]), np.hstack([np.zeros((len(rest), self.r.shape[1])), rest])])
-        own = self.columns if column is None else np.append(self.columns, place)
-        return Triangle(own, factor, len(self.rows))
+        return Triangle(np.append(self.columns, np.array(places, dtype=np.int64)), factor, len(self.rows))
+
+
+def shares_of(logs: Sequence[DelayRows], masks: Sequence[BoolArray]) -> list[Share]:
+    """Return the rows of each joint in some logs that count by ``masks``, shape (N, n) of each log."""
+    found = []
+    for i, own in enumerate(logs[0].columns):
+        block = np.concatenate([log.blocks[i][:, mask[:, i]] for log, mask in zip(logs, masks, strict=True)], axis=1)
+        found.append(Share(own, np.flatnonzero(np.concatenate([mask[:, i] for mask in masks])), *np.linalg.qr(block.T)))
+    return found
 
 
 class DelayRows:
@@ -80,8 +86,11 @@ class DelayRows:
         rate: Samples a second of the log.
         low: Shortest delay in s that the rows are there for, 0 or less.
         high: Longest one.
+        columns: Positions in beta of the columns of each joint, shape (K_i,).
+        blocks: Filtered columns W_i' of each joint, shape (K_i, N).
         counting: Which rows count for each joint, shape (N, n).
         away: Which of these are away from reversals, shape (N, n).
+        part: In which of ``PARTS`` parts of the log each row is, shape (N,).
     """
 
     def __init__(self, regressor: RegressorStream, prepared: Prepared, low: float, high: float, part: int = 1) -> None:
@@ -91,19 +100,18 @@ class DelayRows:
         inside = (time >= log.time[0] - self.low - slack) & (time <= log.time[-1] - self.high + slack)
         inside &= np.arange(len(time)) // STRETCH % part == 0
         self._rows = replace(prepared, keep=prepared.keep[inside])
-        self._columns = regressor.columns
+        self.columns = regressor.columns
         self._known = (np.asarray(log.torque) - target_torque(regressor.model, prepared))[self._rows.keep]
-        self._blocks = [np.zeros((len(own), 0)) for own in regressor.columns]
+        self.blocks = [np.zeros((len(own), 0)) for own in regressor.columns]
         if len(self._rows.keep):
-            self._blocks = [block[:-1] for block in regressor.rows(self._rows)]
+            self.blocks = [block[:-1] for block in regressor.rows(self._rows)]
         keep = self._rows.keep
         self._steep = np.zeros(len(keep), bool)  # where a slope can be told: no gap is near
         reach, step = len(_SLOPE), self._rows.every
         self._steep[reach:-reach] = keep[2 * reach :] - keep[: -2 * reach] == 2 * reach * step
         self.counting = counting_rows(regressor.model, self._rows) & self._steep[:, None]
         self.away = self.counting & ~_near_reversal(regressor.model, self._rows)
-        self._part = np.arange(len(keep)) * PIECES // max(len(keep), 1) % PARTS
-        self._shares: dict[Hashable, Share] = {}
+        self.part = np.arange(len(keep)) * PIECES // max(len(keep), 1) % PARTS
 
     def torque(self, delay_s: float) -> Array:
         """Return the torque less the known one that belongs to each row under a delay, shape (N, n)."""
@@ -112,7 +120,7 @@ class DelayRows:
 
     def predicted(self, beta: Array) -> Array:
         """Return the torque of the model less the known one at ``beta`` (b,), filtered, shape (N, n)."""
-        pairs = zip(self._columns, self._blocks, strict=True)
+        pairs = zip(self.columns, self.blocks, strict=True)
         return np.stack([beta[own] @ block for own, block in pairs], axis=1)
 
     def slope(self, signal: Array) -> Array:
@@ -125,23 +133,6 @@ class DelayRows:
             )
         found[~self._steep] = 0.0
         return found * (self.rate / self._rows.every)
-
-    def shares(self, away: bool = False) -> list[Share]:
-        """Return the rows of each joint that count, all or those away from reversals."""
-        return self._factored("away" if away else "all", self.away if away else self.counting)
-
-    def part(self, number: int) -> list[Share]:
-        """Return those of the rows that count of each joint that are in one of ``PARTS`` parts of the log."""
-        return self._factored(number, self.counting & (self._part == number)[:, None])
-
-    def _factored(self, name: Hashable, mask: BoolArray) -> list[Share]:
-        found = []
-        for i, (own, block) in enumerate(zip(self._columns, self._blocks, strict=True)):
-            if (name, i) not in self._shares:
-                rows = np.flatnonzero(mask[:, i])
-                self._shares[name, i] = Share(own, rows, *np.linalg.qr(block[:, rows].T))
-            found.append(self._shares[name, i])
-        return found
 
 
 def dense_rows(plain: Prepared) -> Prepared:
