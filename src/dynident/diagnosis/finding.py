@@ -16,6 +16,9 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 #: Name of the finding of a log that parameters of the others do not explain.
 UNLIKE_OTHERS = "unlike other logs"
 
+#: Name of the finding of joints whose torque the model predicts worse than a constant.
+UNEXPLAINED = "torque not explained"
+
 #: What follows from a wrong sign, order, scale, coupling or mounting, and is not told beside it.
 CONSEQUENCES = (
     "torque scale",
@@ -36,6 +39,7 @@ CONSEQUENCES = (
     "tilt",
     "load at the flange",
     "inconsistent links",
+    UNEXPLAINED,
 )
 
 

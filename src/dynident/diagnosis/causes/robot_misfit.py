@@ -4,6 +4,10 @@ The bodies are shared by all joints. Where lengths or axes are those of the robo
 predict unseen samples no better than the shared ones; where they are another's, far better, and much torque is left.
 Held out as in :mod:`.held_out`. The parameters of a joint alone are drawn to the shared ones by a ridge (Hoerl and
 Kennard 1970), as few rows tell them apart.
+
+Where little torque is left in all, one joint may be predicted worse than by a constant. So is a torque that is mostly
+noise: what the model has to explain is told by a regression on the motion alone, without a robot, held out in long
+stretches, between which noise that hangs together is not interpolated.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, as_stated, judged
 from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.identification.problem.regressor_stream import motion_of
 
 #: Ridges that are tried, as shares of the squares of a joint's column: many parameters need a strong one.
 RIDGES = (1e-2, 1e-1, 1.0)
@@ -27,6 +32,10 @@ LEFT, GAIN, SURE, SUSPECTED = 0.1, 1.0, 3.0, 0.25
 
 #: Share of what is left, root mean squares, below which known causes explain most of it: half of the variance.
 MOST = 0.7
+
+#: Share of the variance of a torque that a regression on the motion leaves at most where the torque follows the motion,
+#: and stretches of the log, each predicted by the regression of the others.
+FOLLOWS, STRETCHES = 0.5, 4
 
 
 @dataclass(frozen=True)
@@ -108,3 +117,51 @@ def _with_cause(reading: ReadRows, blame: Blame) -> ReadRows:
     blocks = tuple(np.column_stack([block, extra[:, :, i].T]) for i, block in enumerate(reading.rows.blocks))
     columns = tuple(np.concatenate([own, every]) for own in reading.rows.columns)
     return replace(reading, rows=replace(reading.rows, blocks=blocks, columns=columns))
+
+
+def unpredicted(fit: QuickFit, known: Sequence[Blame] = ()) -> dict[int, tuple[float, float]]:
+    """Return the joints whose torque the model predicts worse than a constant, and a regression on the motion does not.
+
+    Args:
+        fit: The log.
+        known: Causes of a residual that are told: where these explain the torque, it is not missed.
+
+    Returns:
+        Of each joint, by its number, the root mean square of the model's error over that of the constant, and the share
+        of the variance about the constant that the regression leaves.
+    """
+    held, reading = HeldOutErrors(fit), as_stated(fit)
+    for blame in known:
+        reading = _with_cause(reading, blame)
+    motion = motion_of(fit.rows.prepared.kept)
+    q, dq, ones = np.asarray(motion.q), np.asarray(motion.dq), np.ones((len(fit.rows.torque), 1))
+    by_motion = np.hstack([ones, np.sin(q), np.cos(q), dq, np.sign(dq), np.asarray(motion.ddq)])
+    plain = _regression(fit, ones)
+    model, constant = (held.errors(each).sum(axis=0) for each in (reading, plain))
+    worse = np.flatnonzero(model > constant).tolist()
+    if not worse:
+        return {}
+    left, whole = (_by_stretches(each) for each in (_regression(fit, by_motion), plain))
+    return {
+        i: (float(np.sqrt(model[i] / constant[i])), float(left[i] / whole[i]))
+        for i in worse
+        if left[i] < FOLLOWS * whole[i]
+    }
+
+
+def _regression(fit: QuickFit, columns: Array) -> ReadRows:
+    """Return the rows of a regression of each torque on the same columns (N, k), coefficients of each its own."""
+    joints, size = len(fit.counts), columns.shape[1]
+    own = tuple(np.arange(k * size, (k + 1) * size) for k in range(joints))
+    return ReadRows(replace(fit.rows, blocks=(columns,) * joints, columns=own), np.eye(joints))
+
+
+def _by_stretches(reading: ReadRows) -> Array:
+    """Return the sums of squared errors of each torque, stretch by stretch predicted by the others, shape (n,)."""
+    masks, found = reading.rows.masks, np.zeros(reading.rows.masks.shape[1])
+    stretches = np.arange(len(masks)) * STRETCHES // len(masks)
+    for k in range(STRETCHES):
+        unseen = (stretches == k)[:, None]
+        errors = reading.squared_errors(reading.fitted(masks & ~unseen).beta)
+        found += np.where(masks & unseen, errors, 0.0).sum(axis=0)
+    return found

@@ -161,11 +161,7 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
 def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     """Return what is said of a cause."""
     evidence, remedy = _TEXTS[blame.cause.name](blame, fit)
-    values, halves = np.abs(blame.values), blame.half_widths
-    if blame.cause.name in WAVES:
-        values, halves = np.hsplit(np.array(_wave(blame)[:2]), 2)
-    sure = bool(np.any(NARROW * values > halves))
-    severity: Severity = "warning" if sure and is_grave(blame) else "note"
+    severity: Severity = "warning" if is_narrow(blame) and is_grave(blame) else "note"
     of = "its torque" if blame.cause.joint else "all torques"
     counted = f" (t = {blame.certainty:.0f}, {100 * blame.share:.0f} % of a joint's residual variance, "
     told = blame.taken if blame.cause.name == "friction curve" else blame.torque
@@ -184,6 +180,14 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     if blame.cause.name == RIPPLE:
         numbers |= {"cycles": blame.cause.cycles[0], "cycles_half_width": Z95 * blame.cause.cycles[1]}
     return Finding(severity, blame.cause.name, blame.cause.joint, evidence + counted, remedy, numbers)
+
+
+def is_narrow(blame: Blame) -> bool:
+    """Return whether a figure of a cause has an interval that is narrow beside it."""
+    values, halves = np.abs(blame.values), blame.half_widths
+    if blame.cause.name in WAVES:
+        values, halves = np.hsplit(np.array(_wave(blame)[:2]), 2)
+    return bool(np.any(NARROW * values > halves))
 
 
 def is_grave(blame: Blame) -> bool:

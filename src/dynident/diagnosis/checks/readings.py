@@ -26,14 +26,14 @@ from dynident.diagnosis.causes.couplings import best_coupling
 from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, degrees_off
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, robot_misfit
+from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, robot_misfit, unpredicted
 from dynident.diagnosis.causes.several_scales import inverted_gains, several_scales
 from dynident.diagnosis.causes.torque_scales import other_scales, reading_of
-from dynident.diagnosis.causes.trend_findings import believed, is_grave
+from dynident.diagnosis.causes.trend_findings import believed, is_grave, is_narrow
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
+from dynident.diagnosis.finding import CONSEQUENCES, UNEXPLAINED, Finding, Severity, listed
 from dynident.model.robot import Robot
 
 #: What a wrong reading of torques makes wrong besides: gravity against the masses of the robot model.
@@ -87,7 +87,8 @@ class Readings(Check):
             return [_another_robot(misfit, fit, "error")]
         if found:
             return [_reading_finding(found)]
-        return [_another_robot(misfit, fit, "warning")] if misfit.is_suspected else []
+        told = [] if scale else _not_explained(subject, misfit)
+        return told or ([_another_robot(misfit, fit, "warning")] if misfit.is_suspected else [])
 
 
 def _otherwise(
@@ -171,6 +172,29 @@ def _another_robot(misfit: RobotMisfit, fit: QuickFit, severity: Severity) -> Fi
     return Finding(
         severity, "another robot", "", evidence, remedy, {"left": misfit.left, "gain": misfit.gain}, explains
     )
+
+
+def _not_explained(subject: CheckedLog, misfit: RobotMisfit) -> list[Finding]:
+    """Return what is said of joints that the model predicts worse than a constant, beside causes with a sure figure."""
+    trends = subject.trends
+    if trends is None or not (misfit.joints > 1.0).any():
+        return []
+    causes = [one for one in trends.blames if believed(one, subject.trend_scale) and is_narrow(one)]
+    joints, names = unpredicted(trends.fit, causes), trends.fit.model.robot.joint_names
+    if not joints:
+        return []
+    told = [f"{names[i]} ({times:.4g} times its error; motion {1.0 - left:.0%})" for i, (times, left) in joints.items()]
+    evidence = (
+        "on samples that were not fitted the model predicts the torque worse than a constant does, though the motion "
+        f"alone explains most of its variance: {', '.join(told)}"
+    )
+    remedy = (
+        "look at axes and origins of these joints and their neighbours in the robot model, at order, signs and units "
+        "of their columns (log: columns, units), and at motors that turn two joints (coupling; log: side)"
+    )
+    explains = tuple(name for name in CONSEQUENCES if name != UNEXPLAINED)
+    numbers = {names[i]: times for i, (times, _) in joints.items()}
+    return [Finding("error", UNEXPLAINED, listed([names[i] for i in joints]), evidence, remedy, numbers, explains)]
 
 
 def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[float, Interpretation]]:
