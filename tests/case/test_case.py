@@ -345,7 +345,7 @@ def test_a_log_is_read_as_the_case_says(write: Write, tmp_path: Path) -> None:
     words = r"joint2 is locked at 0\.1 but up to .* away; lock it at its logged position"
     with pytest.raises(LogMismatch, match=words):
         case.read("run.csv")
-    case = dataclasses.replace(case, locked={})
+    case = dataclasses.replace(case, locked={}, robot=dataclasses.replace(case.robot, held={}))
     log = case.read("run.csv")
     assert log.joints == ("joint1", "joint3")
     np.testing.assert_array_equal(log.q, values[:, [1, 0]])

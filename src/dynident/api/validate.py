@@ -16,9 +16,9 @@ from dynident.applications.start_states import with_starts
 from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap, open_log
 from dynident.data.log import Log
-from dynident.data.log_of_robot import read_with
+from dynident.data.log_of_robot import LOCKED_TOLERANCE, read_with
 from dynident.data.preprocessing import Preprocessing, preprocess
-from dynident.errors import BadArgument, DynidentError, LogFormatError
+from dynident.errors import BadArgument, DynidentError, LogFormatError, LogMismatch
 from dynident.identification import validate as bare
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
@@ -151,12 +151,16 @@ def reading_of(estimate: Estimate, case: Case | None) -> tuple[ColumnMap, Robot,
 
     Drive gains that the case does not state are those of the estimate. Commanded motions, which an estimate does not
     need, are read where they are there.
+
+    Raises:
+        LogMismatch: The case locks a joint elsewhere than that of the fit did.
     """
     own = estimate.model.robot
     if case is None:
         commanded = [name for name in ("q_ref", "dq_ref") if getattr(estimate.columns, name)]
         columns = replace(estimate.columns, optional=tuple(dict.fromkeys((*estimate.columns.optional, *commanded))))
         return columns, own, {}
+    check_same_lock(own, case.robot, case.path)
     gains = {joint.name: joint.drive.gain for joint in own.active}
     drives = {
         joint.name: replace(joint.drive, gain=gains[joint.name])
@@ -164,3 +168,20 @@ def reading_of(estimate: Estimate, case: Case | None) -> tuple[ColumnMap, Robot,
         if joint.drive.gain is None and gains.get(joint.name) is not None
     }
     return case.columns, case.robot.with_drives(drives), case.locked
+
+
+def check_same_lock(ours: Robot, theirs: Robot, path: str) -> None:
+    """Refuse a case that locks a joint elsewhere than the case of a fit did, where joints move beyond it.
+
+    Args:
+        ours: The robot of the estimate.
+        theirs: The robot of the case.
+        path: The case file.
+
+    Raises:
+        LogMismatch: It does.
+    """
+    for name, at in ours.held.items():
+        if abs(theirs.held.get(name, at) - at) > LOCKED_TOLERANCE:
+            evidence = f"{name} is locked at {theirs.held[name]:g}, and at {at:g} in the estimate"
+            raise LogMismatch(path, evidence, "identify with it locked where it stands in the new log, or not locked")

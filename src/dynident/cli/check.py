@@ -75,6 +75,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _earlier(case: Case, name: str | None) -> Estimate | None:
     """Return the estimate that logs are held against, of the joints of the case; None where there is none."""
+    from dynident.api.validate import check_same_lock
     from dynident.errors import LogMismatch
     from dynident.identification.files.estimate_file import read_estimate
 
@@ -86,6 +87,7 @@ def _earlier(case: Case, name: str | None) -> Estimate | None:
     if ours != theirs:
         evidence = f"an estimate of {', '.join(theirs)}, where the case has {', '.join(ours)}"
         raise LogMismatch(path, evidence, "give an estimate of this robot, with the same joints locked")
+    check_same_lock(found.model.robot, case.robot, case.path)
     return found
 
 

@@ -75,10 +75,24 @@ def _at_joints(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str, 
         log = joint_side(log.ordered(robot.joint_names), robot, columns.motor)
     if zero:
         log = with_zero(log, zero)
-    for name, position in (locked or {}).items():
-        if name in log.joints:
-            away = float(np.abs(log.q[:, log.joints.index(name)] - position).max())
-            if away > LOCKED_TOLERANCE:
-                step = f"lock it at its logged position (locked: {{{name}: ...}}), or do not lock it"
-                raise LogMismatch(log.name, f"{name} is locked at {position:g} but up to {away:.3g} away", step)
+    for _, evidence, step in off_lock(log, robot, locked):
+        raise LogMismatch(log.name, evidence, step)
     return log.ordered(robot.joint_names)
+
+
+def off_lock(log: Log, robot: Robot, locked: Mapping[str, float] | None = None) -> list[tuple[str, str, str]]:
+    """Return locked joints that move or stand elsewhere in a log on the joints' side, each with evidence and next step.
+
+    Without ``locked`` they are those of the robot that carry joints which move (``Robot.held``).
+    """
+    found = []
+    for name, position in {**robot.held, **(locked or {})}.items():
+        q = log.q[:, log.joints.index(name)] if name in log.joints else np.empty(0)
+        away = float(np.fmax.reduce(np.abs(q - position), initial=0.0))
+        if away > LOCKED_TOLERANCE:
+            at = f"{np.median(q):.4g}" if np.ptp(q) < LOCKED_TOLERANCE else "..."
+            step = (
+                f"lock it at its logged position (locked: {{{name}: {at}}} in the case of the fit), or do not lock it"
+            )
+            found.append((name, f"{name} is locked at {position:g} but up to {away:.3g} away", step))
+    return found

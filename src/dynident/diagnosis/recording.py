@@ -12,6 +12,7 @@ from dynident.data.formats import ColumnMap, LogTable, open_log
 from dynident.data.formats._text_table import TextTable
 from dynident.data.formats.base import names_of, signals_of
 from dynident.data.log import Log, Source, torque_from_current
+from dynident.data.log_of_robot import off_lock
 from dynident.data.motor_side import joint_side, with_zero
 
 
@@ -24,12 +25,14 @@ class Recording:
         table: The file; None for a log of the memory.
         columns: The map of its columns, resolved.
         rows: Row of the file behind each sample, counted from 0, shape (N,).
+        off_lock: Locked joints that move or stand elsewhere, each with evidence and next step.
     """
 
     log: Log
     table: LogTable | None
     columns: ColumnMap
     rows: IntArray
+    off_lock: tuple[tuple[str, str, str], ...] = ()
 
     def place(self, sample: int) -> str:
         """Return where in the file a sample stands, such as ``line 17``."""
@@ -46,7 +49,7 @@ class Recording:
 
     def kept(self, keep: BoolArray | IntArray, step: str) -> Recording:
         """Return some samples only; ``step`` says which in words."""
-        return Recording(self.log.rows(keep, step), self.table, self.columns, self.rows[keep])
+        return Recording(self.log.rows(keep, step), self.table, self.columns, self.rows[keep], self.off_lock)
 
 
 def read_recording(case: Case, name: str) -> Recording:
@@ -67,8 +70,8 @@ def read_recording(case: Case, name: str) -> Recording:
     source = Source(table.path, table.sha256, len(values))
     log = Log(columns.joints, time, source=source, **signals)
     with np.errstate(all="ignore"):
-        log = _at_joints(case, log)
-    return Recording(log, table, columns, np.arange(len(values)))
+        log, off = _at_joints(case, log)
+    return Recording(log, table, columns, np.arange(len(values)), off)
 
 
 def recording_of(case: Case, log: Log) -> Recording:
@@ -76,15 +79,19 @@ def recording_of(case: Case, log: Log) -> Recording:
     return Recording(log, None, case.columns, np.arange(log.samples))
 
 
-def _at_joints(case: Case, log: Log) -> Log:
-    """Return the log at the joints of the robot, in its order, as ``read_with`` of the case does."""
+def _at_joints(case: Case, log: Log) -> tuple[Log, tuple[tuple[str, str, str], ...]]:
+    """Return the log at the joints of the robot, in its order, as ``read_with`` does, and its locked joints that move.
+
+    Of logs on the motors' side nothing is known of locked joints.
+    """
     zero = dict(zip(log.joints, case.columns.zero, strict=True)) if case.columns.zero else {}
-    log = log.ordered(case.robot.joint_names)
     if case.columns.motor:
-        log = joint_side(log, case.robot, case.columns.motor)
+        log = joint_side(log.ordered(case.robot.joint_names), case.robot, case.columns.motor)
     if zero:
         log = with_zero(log, zero)
+    off = tuple(off_lock(log, case.robot, case.locked))
+    log = log.ordered(case.robot.joint_names)
     gains = {joint.name: joint.drive.gain for joint in case.robot.active if joint.drive.gain is not None}
     if log.torque is not None or log.current is None or len(gains) < case.robot.dof:
-        return log
-    return torque_from_current(log, gains, case.robot.coupling if case.robot.is_coupled else None)
+        return log, off
+    return torque_from_current(log, gains, case.robot.coupling if case.robot.is_coupled else None), off

@@ -197,6 +197,7 @@ class Robot(ShortText):
         coupling: Motor speed = coupling @ joint speed, shape (n, n); identity where each motor moves one joint.
         note: Where the numbers come from.
         base_shapes: The space that the base and all that is fixed to it take up, in the base frame.
+        held: Positions of locked joints that carry joints which move, by name, in rad or m.
     """
 
     name: str
@@ -209,6 +210,7 @@ class Robot(ShortText):
     coupling: Array | None = None
     note: str = ""
     base_shapes: tuple[Shape, ...] = ()
+    held: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", frozen(self.gravity, (3,), "gravity"))
@@ -381,7 +383,20 @@ def _merge(robot: Robot, positions: Mapping[str, float], coupling: Array) -> Rob
         tool=tool,
         coupling=coupling,
         base_shapes=tuple(still),
+        held={**robot.held, **_carrying(robot, positions)},
     )
+
+
+def _carrying(robot: Robot, positions: Mapping[str, float]) -> dict[str, float]:
+    """Return the positions of locked joints beyond which a joint still moves."""
+    beyond: set[int] = set()
+    for joint in robot.joints:
+        at = -1 if joint.name in positions else joint.parent
+        while at >= 0:
+            beyond.add(at)
+            at = robot.joints[at].parent
+    names = [robot.joints[i].name for i in sorted(beyond)]
+    return {name: float(positions[name]) for name in names if name in positions}
 
 
 def _joined(parent: Link, child: Link, rotation: Array, translation: Array) -> Link:

@@ -31,13 +31,20 @@ MOSTLY_AT_REST = 0.5
 
 @dataclass(frozen=True)
 class PositionRange(Check):
-    """Units of the positions by the joint limits, joints that do not move, share of samples at rest."""
+    """Units of the positions by the joint limits, locked joints that move, joints at rest, share of samples at rest."""
 
     stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         radians = _radians(subject)
-        return radians or [*_limits(subject), *_still(subject)]
+        limits = _limits(subject)
+        moved = [] if any(each.severity == "error" for each in limits) else _off_lock(subject)
+        return radians or [*moved, *limits, *_still(subject)]
+
+
+def _off_lock(subject: CheckedLog) -> list[Finding]:
+    """Return the locked joints that move or stand elsewhere."""
+    return [Finding("error", "locked joint", name, evidence, step) for name, evidence, step in subject.raw.off_lock]
 
 
 def _radians(subject: CheckedLog) -> list[Finding]:

@@ -21,7 +21,7 @@ VERSIONS: Final = FileVersions("a robot", key="version")
 
 _ROBOT: Final = (
     "schema", "version", "name", "base", "gravity", "links", "joints", "frames", "tool", "coupling", "note",
-    "base_shapes",
+    "base_shapes", "held",
 )  # fmt: skip
 _LINK: Final = ("name", "inertia", "fixed", "shapes", "visuals", "impossible")
 _JOINT: Final = (
@@ -60,6 +60,7 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
         "coupling": np.asarray(robot.coupling).tolist(),
         "note": robot.note,
         **({"base_shapes": shapes_to_list(robot.base_shapes)} if robot.base_shapes else {}),
+        **({"held": dict(robot.held)} if robot.held else {}),
     }
 
 
@@ -104,6 +105,7 @@ def robot_from_dict(data: object, path: object = "robot") -> Robot:
         coupling=coupling,
         note=top.text("note", ""),
         base_shapes=read_shapes(top, "base_shapes"),
+        held=_held(top),
     )
 
 
@@ -171,6 +173,14 @@ def _index(section: Section, key: str, end: int) -> int:
         evidence = f"{shown(value)} is no index of a link that stands before (-1 to {end - 1})"
         raise section.place(key).error(evidence, "write the index, from 0, or -1 for the base")
     return value
+
+
+def _held(top: Section) -> dict[str, float]:
+    names = top.value("held") if top.has("held") else {}
+    if not isinstance(names, Mapping):
+        raise top.place("held").error(f"{shown(names)} is no mapping", "write positions by joint")
+    inner = top.section("held", tuple(names)) if names else top
+    return {name: inner.number(name) for name in names}
 
 
 def _frames(top: Section, links: int) -> dict[str, Frame]:
