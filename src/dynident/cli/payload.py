@@ -65,6 +65,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.applications import payload
     from dynident.applications.payload import BeforeRun, vendor_forms
+    from dynident.applications.payload.statement import mass_doubt
+    from dynident.applications.payload.vendor_forms import unplaced_step
     from dynident.cli import console, jobs
     from dynident.identification.files.estimate_file import read_estimate
 
@@ -86,7 +88,11 @@ def run(options: argparse.Namespace) -> int:
         console.answer_json(facts)
     else:
         _show(found, forms, weighed=None if options.mass_std else options.mass)
-    return 0 if found.placed else 1
+    if found.placed:
+        return 0
+    why = mass_doubt(found.mass) or unplaced_step(found)
+    console.remark(f"error: {', '.join(found.logs)}: {', '.join(found.unknown)} not determined well enough: {why}")
+    return 1
 
 
 def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -> None:
@@ -102,7 +108,7 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
         if one is found.mass and weighed:
             rows.append((one.name, f"{weighed:.10g}", MISSING, pretty_unit(one.unit), "stated"))
             continue
-        rows.append((one.name, *shown, pretty_unit(one.unit), one.label))
+        rows.append((one.name, *shown, pretty_unit(one.unit), one.verdict))
     columns = (
         Column("parameter"),
         Column("value", numeric=True),
@@ -111,7 +117,7 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
         Column("verdict"),
     )
     counted = f"{found.samples} rows" if found.rows == "motion" else f"{found.samples} postures"
-    console.answer(f"payload in the frame {label(found.frame)}, carried by {label(found.link)}, from {counted}\n")
+    console.answer(f"payload in {label(found.place)}; from {counted}\n")
     console.answer_table(Table(columns, tuple(rows)))
     console.answer("\nmoments are about the origin of the frame")
     if not weighed:

@@ -411,6 +411,13 @@ def _joined(parent: Link, child: Link, rotation: Array, translation: Array) -> L
 
 
 def _last_link(robot: Robot, frames: Mapping[str, Frame]) -> str:
-    """Return the frame of the last link of the unlocked robot where locking turned it into a frame."""
-    name = robot.links[-1].name
+    """Return the frame of the last link of the unlocked robot where locking turned it into a frame.
+
+    Of links that branch, as fingers do, it is that of the link which carries them.
+    """
+    at = last = len(robot.links) - 1
+    while at >= 0 and robot.links[at].name in frames:
+        at = robot.joints[at].parent
+        last = at if at >= 0 and sum(joint.parent == at for joint in robot.joints) > 1 else last
+    name = robot.links[last].name
     return name if name in frames else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -11,16 +12,17 @@ import pytest
 from arm_models import model_of
 from dynident import Estimate, FourierSeries, Inertia, Log, Robot, identify
 from dynident.applications.payload import BeforeRun, CarriedLoad, identify_payload, vendor_forms
-from dynident.applications.payload.flanges import chosen_end, ends_of
+from dynident.applications.payload.flanges import chosen_end, ends_of, frames_beside
 from dynident.applications.payload.gain_doubt import variance_of_shares
 from dynident.applications.payload.possible_body import possible_body
+from dynident.applications.payload.statement import PayloadFit, mass_doubt, stated
 from dynident.applications.payload.vendor_forms import angles_zyx, forms_of, principal_axes, quaternion
 from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption, LogMismatch, UnknownChoice
 from dynident.model.friction import Motion
-from dynident.model.robot import Frame, Joint, Link, rotation_about
+from dynident.model.robot import Frame, Joint, Link, Mimic, rotation_about
 
 BODY = Inertia.from_centre_of_mass(2.6, [0.05, 0.1, 0.04], np.diag([0.02, 0.015, 0.012]))
 GIVEN = Preprocessing(AsGiven(), rest="keep")
@@ -192,6 +194,57 @@ def test_the_end_of_a_robot_of_two_arms_that_carries_the_load_is_found(
     assert empty.frame == ends[0] and not any("ends of the robot" in one for one in empty.remarks)
     still = both.locked({name: 0.3 for name in both.joint_names if name.startswith("right")})
     assert ends_of(still) == (ends[1],)
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "revolute"])
+def test_a_load_is_stated_in_the_frame_of_what_carries_the_fingers(
+    robot: Robot, kind: Literal["prismatic", "revolute"]
+) -> None:
+    """The last of the fingers had been the tool."""
+    robot = replace(robot, frames={}, tool="")
+    last, body = len(robot.links) - 1, Inertia.from_centre_of_mass(0.05, [0.0, 0.0, 0.03], 1e-5 * np.eye(3))
+    at, axis = (np.array([0.0, side, 0.1]) for side in (0.02, -0.02)), np.array([0.0, 1.0, 0.0])
+    left, right = (Joint(name, kind, last, np.eye(3), place, axis) for name, place in zip(("l", "r"), at, strict=True))
+    fingers = (*robot.joints, left, replace(right, mimic=Mimic("l", -1.0)))
+    gripper = replace(
+        robot,
+        joints=fingers,
+        links=(*robot.links, Link("finger_left", body), Link("finger_right", body)),
+        coupling=np.eye(robot.dof + 1),
+    )
+    tip = robot.links[last].name
+    assert ends_of(gripper) == (tip,)
+    held = gripper.locked({"l": 0.01})
+    assert held.tool == "" and ends_of(held) == (tip,)
+    (remark,) = frames_beside(held, tip)
+    assert "finger_left, finger_right (--flange NAME)" in remark
+    wrist = robot.locked({robot.joint_names[-1]: 0.4})  # no finger: the last link stays the tool
+    assert wrist.tool == tip and ends_of(wrist) == (tip,)
+
+
+def test_verdicts_of_a_heavy_load_and_of_a_mass_below_zero(estimate: Estimate) -> None:
+    robot = estimate.model.robot
+    ten = np.array([26.0, -0.4, 0.0, 26.0, 0.0, 8.0, 0.0, 0.0, 60.0, 150.0])
+    half = np.array([0.83, 0.41, 9.0, 0.8, 0.4, 0.4, 1.0, 1.0, 1.0, 0.5])
+
+    def said(mass: float) -> CarriedLoad:
+        found = PayloadFit(
+            np.r_[ten[:9] if mass > 0 else np.zeros(9), mass],
+            np.zeros(10, bool),
+            {"noise": np.diag((half / 1.96) ** 2), "gains": np.zeros((10, 10))},
+            np.full(10, np.inf),
+            (0, np.eye(3), np.zeros(3)),
+            "motion",
+            1000,
+            (np.ones(robot.dof), np.zeros(robot.dof)),
+        )
+        return stated(found, estimate, robot.links[0].name, 0.95, ("run.csv",), ())
+
+    words = {one.name: one.verdict for one in said(150.0).parameters}
+    assert words["Ixx"] == "identified" and words["Ixy"] == "identified, near 0" and words["Ixz"] == "weak"
+    below = said(-2.4)
+    assert below.mass.label == "impossible" and not below.placed and "m" in below.unknown
+    assert mass_doubt(below.mass).startswith("no payload has a mass below 0") and not mass_doubt(said(150.0).mass)
 
 
 def test_ends_that_the_log_does_not_tell_apart_are_named() -> None:

@@ -54,7 +54,8 @@ class CarriedBody:
     def frame_in(self, robot: Robot) -> str:
         """Return the name of the link or frame that it is stated in."""
         tool = robot.frames.get(robot.tool)
-        return self.frame or (robot.tool if tool is None or tool.link >= 0 else "") or robot.links[-1].name
+        own = robot.tool if tool is None or tool.link >= 0 else ""
+        return self.frame or own or robot.links[hand_of(robot, len(robot.links) - 1)].name
 
     def place(self, robot: Robot) -> tuple[int, Array, Array]:
         """Return the link that carries it, and the pose of its frame in that of the link.
@@ -100,3 +101,26 @@ class CarriedBody:
         x, y, z = np.asarray(self.centre)
         text += f", centre {x:g}, {y:g}, {z:g} m {frame}"
         return f"{text}, inertia not known" if self.inertia is None else f"{text}, inertia known"
+
+
+def hand_of(robot: Robot, link: int) -> int:
+    """Return the link that carries the fingers of which a link is one; the link itself where it is none.
+
+    Fingers are branches that move together: a joint of one follows that of another.
+    """
+    own, places = _with_parents(robot, link), {joint.name: i for i, joint in enumerate(robot.joints)}
+    for i, joint in enumerate(robot.joints):
+        if joint.mimic is not None:
+            follower, leader = _with_parents(robot, i), _with_parents(robot, places[joint.mimic.joint])
+            shared = next((each for each in follower if each in leader), -1)
+            if shared not in (-1, leader[0]) and shared in own[1:]:
+                link = min(link, shared)
+    return link
+
+
+def _with_parents(robot: Robot, link: int) -> list[int]:
+    """Return a link, and those that carry it in the order of the way to the base."""
+    found = [link]
+    while (parent := robot.joints[found[-1]].parent) >= 0:
+        found.append(parent)
+    return found

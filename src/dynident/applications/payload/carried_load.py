@@ -11,7 +11,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.model.inertia import TEN, Inertia
 
-IDENTIFIED, WEAK, NOT_DETERMINED = "identified", "weak", "not determined"
+IDENTIFIED, WEAK, NOT_DETERMINED, IMPOSSIBLE = "identified", "weak", "not determined", "impossible"
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class LoadParameter:
         value: In its unit, as found, whether or not a body can have all of them; NaN where it is not determined.
         half_width: Half the width of its interval; infinite where it is not determined.
         unit: kg, kg m, kg m^2 or m.
-        label: ``identified``, ``weak`` (the interval is wider than what payloads of its mass differ by) or
-            ``not determined``.
+        label: ``identified``, ``weak`` (the interval is wider than what payloads of its mass differ by),
+            ``not determined``, or ``impossible`` of a mass below 0.
     """
 
     name: str
@@ -32,6 +32,11 @@ class LoadParameter:
     half_width: float
     unit: str
     label: str
+
+    @property
+    def verdict(self) -> str:
+        """Its label; of a number that is identified and may be 0, with that."""
+        return f"{self.label}, near 0" if self.known and abs(self.value) <= self.half_width else self.label
 
     @property
     def known(self) -> bool:
@@ -92,6 +97,16 @@ class CarriedLoad:
     def mass(self) -> LoadParameter:
         """The mass, in kg."""
         return self.parameters[TEN.index("m")]
+
+    @property
+    def place(self) -> str:
+        """Where the flange is, in words: its name, and its pose in the frame of the link that carries it."""
+        if self.frame == self.link:
+            return f"the frame of the last moving link, {self.frame}"
+        turn = float(np.degrees(np.arccos(np.clip((np.trace(self.placement[:3, :3]) - 1) / 2, -1, 1))))
+        x, y, z = np.round(self.placement[:3, 3], 4) + 0.0
+        axes = f"axes turned by {turn:.3g}°" if turn > 0.05 else "axes alike"
+        return f"the frame {self.frame}, which is at [{x:g}, {y:g}, {z:g}] m in that of {self.link}, {axes}"
 
     @property
     def inertia_known(self) -> bool:

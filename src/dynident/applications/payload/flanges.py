@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.stats
 
-from dynident.applications.drive_gains.payload import CarriedBody
+from dynident.applications.drive_gains.payload import CarriedBody, hand_of
 from dynident.model.robot import Robot
 
 #: Words in the names of frames that a payload is often stated in; frames with one are offered first.
@@ -18,15 +18,18 @@ BY_NOISE = float(scipy.stats.chi2.isf(0.001, 10))
 
 
 def ends_of(robot: Robot) -> tuple[str, ...]:
-    """Return where a payload may be: the tool of the robot model or its last link, and the ends of other branches."""
+    """Return where a payload may be: the tool of the robot model or its last link, and the ends of other branches.
+
+    Of a gripper whose fingers move together that is the link that carries them.
+    """
     first = CarriedBody(1.0)
     beyond = {first.place(robot)[0]}
     for i, joint in enumerate(robot.joints):
         if joint.parent in beyond:
             beyond.add(i)
     parents = {joint.parent for joint in robot.joints}
-    others = (link.name for i, link in enumerate(robot.links) if i not in parents and i not in beyond)
-    return first.frame_in(robot), *others
+    tips = (hand_of(robot, i) for i in range(len(robot.links)) if i not in parents)
+    return first.frame_in(robot), *dict.fromkeys(robot.links[i].name for i in tips if i not in beyond)
 
 
 def chosen_end(ends: Sequence[str], gains: Sequence[float]) -> tuple[str, list[str]]:
@@ -53,24 +56,30 @@ def chosen_end(ends: Sequence[str], gains: Sequence[float]) -> tuple[str, list[s
 
 
 def frames_beside(robot: Robot, name: str) -> list[str]:
-    """Return which frames the robot model has on a link that was taken for want of a flange."""
+    """Return which other frames the robot model has on the link of one that was taken for want of a flange."""
     links = [link.name for link in robot.links]
-    if name not in links or name == robot.tool:
+    if name == robot.tool and _is_called_flange(name):
         return []
-    at = links.index(name)
+    at, rotation, translation = CarriedBody(1.0, frame=name).place(robot)
     own = [
-        frame_name
-        for frame_name, frame in robot.frames.items()
-        if frame.link == at and not (np.allclose(frame.rotation, np.eye(3)) and np.allclose(frame.translation, 0.0))
+        other
+        for other, frame in robot.frames.items()
+        if frame.link == at
+        and not (np.allclose(frame.rotation, rotation) and np.allclose(frame.translation, translation))
     ]
     if not own:
         return []
-    own = likeliest(own)
+    own = likeliest(sorted(own, key=lambda other: float(np.linalg.norm(robot.frames[other].translation))))
     named = f"{', '.join(own[:4])}{', ...' if len(own) > 4 else ''}"
-    text = f"stated in the frame of the last link, {name}, which need not be the flange; "
+    what = f"the frame of the last link, {name}" if name in links else f"the frame {name}"
+    text = f"stated in {what}, which need not be the flange; "
     return [f"{text}the robot model has these frames on it: {named} (--flange NAME)"]
 
 
 def likeliest(frames: list[str]) -> list[str]:
     """Return names of frames, those that a payload is often stated in first."""
-    return sorted(frames, key=lambda name: not any(word in name.lower() for word in FLANGES))
+    return sorted(frames, key=lambda name: not _is_called_flange(name))
+
+
+def _is_called_flange(name: str) -> bool:
+    return any(word in name.lower() for word in FLANGES)

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynident.applications.payload.carried_load import IDENTIFIED, NOT_DETERMINED, WEAK, CarriedLoad, LoadParameter
+from dynident.applications.payload.carried_load import (
+    IDENTIFIED,
+    IMPOSSIBLE,
+    NOT_DETERMINED,
+    WEAK,
+    CarriedLoad,
+    LoadParameter,
+)
 from dynident.applications.payload.flanges import likeliest
 from dynident.applications.payload.gain_doubt import GainDoubt
 from dynident.applications.payload.possible_body import possible_body
@@ -16,8 +23,9 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.residuals.quantiles import chi_square_tail, student_quantile
 from dynident.model.inertia import TEN, Inertia
 
-#: By how much payloads of one mass differ: lever of the centre of mass and radius of gyration, in m.
-LENGTH = 0.1
+#: By how much payloads of one mass differ: lever of the centre of mass and radius of gyration, in m; above a mass in kg
+#: radii grow with its cube root, as those of bodies of one density do.
+LENGTH, LIGHT = 0.1, 5.0
 
 #: Half an interval may reach this share of it, for the mass of the mass itself, and still count as identified.
 SHARE = 0.5
@@ -74,7 +82,8 @@ def stated(
     quantile = student_quantile(0.5 + 0.5 * level, degrees)
     half = np.where(found.open, np.inf, np.sqrt(np.diag(covariance)) * quantile)
     mass = float(found.ten[9])
-    sizes = abs(mass) * np.r_[np.full(6, LENGTH**2), np.full(3, LENGTH), 1.0]
+    radius = LENGTH * max(1.0, abs(mass) / LIGHT) ** (1 / 3)
+    sizes = abs(mass) * np.r_[np.full(6, radius**2), np.full(3, radius), 1.0]
     parameters = tuple(
         _parameter(name, value, width, unit, SHARE * size)
         for name, value, width, unit, size in zip(TEN, found.ten, half, UNITS, sizes, strict=True)
@@ -113,6 +122,8 @@ def _degrees(found: PayloadFit, total: Array) -> Array:
 def _parameter(name: str, value: float, half: float, unit: str, enough: float) -> LoadParameter:
     if not np.isfinite(half):
         return LoadParameter(name, np.nan, np.inf, unit, NOT_DETERMINED)
+    if name == "m" and value <= 0:
+        return LoadParameter(name, float(value), float(half), unit, IMPOSSIBLE)
     return LoadParameter(name, float(value), float(half), unit, IDENTIFIED if half <= enough else WEAK)
 
 
@@ -184,18 +195,22 @@ def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
     return remarks
 
 
+def mass_doubt(mass: LoadParameter) -> str:
+    """Return what is to be said of a mass that is below 0 or may be 0; empty where it is neither."""
+    if np.isfinite(mass.half_width) and mass.value + mass.half_width < 0:
+        return (
+            "no payload has a mass below 0: the log may be of another robot or mounting, or the robot was identified "
+            "with a load; look at units, signs and order of its columns"
+        )
+    return (
+        "the mass is not significant at 95 %: no payload is evident" if mass.value <= mass.half_width < np.inf else ""
+    )
+
+
 def _remarks(
     found: PayloadFit, estimate: Estimate, parameters: tuple[LoadParameter, ...], distance: float
 ) -> tuple[str, ...]:
-    remarks = []
-    mass = parameters[9]
-    if np.isfinite(mass.half_width) and mass.value + mass.half_width < 0:
-        text = (
-            "no payload has a mass below 0: the log may be of another robot or mounting, or the robot was identified "
-        )
-        remarks.append(text + "with a load; look at units, signs and order of its columns")
-    elif np.isfinite(mass.half_width) and mass.value - mass.half_width <= 0:
-        remarks.append("the mass is not significant at 95 %: no payload is evident")
+    remarks = list(filter(None, [mass_doubt(parameters[9])]))
     if found.loads is not None:
         low, high = found.loads
         text = f"the load is not the same all along: {low:.2g} to {high:.2g} kg in parts of the log; "
