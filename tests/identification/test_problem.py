@@ -81,19 +81,6 @@ def test_prediction_is_the_torque_of_the_model(coupled_arm: Robot, exact_log: Ma
     np.testing.assert_allclose(predicted, np.asarray(log.torque), atol=1e-9)
 
 
-def test_a_prediction_without_friction_is_that_of_bodies_and_rotors(coupled_arm: Robot, exact_log: MakeLog) -> None:
-    """Columns of friction are not made then; drives with a known inertia and a bias have these besides."""
-    drives = {name: Drive(gear_ratio=50.0, rotor_inertia=1e-4, bias=0.3) for name in coupled_arm.joint_names}
-    model = model_of(coupled_arm.with_drives(drives), "coulomb", "rotor_inertia")
-    theta = theta_of(model)
-    log, base = exact_log(model, theta, samples=2500), base_parameters(model)
-    stream, beta = RegressorStream(model, base), base.from_standard(theta)
-    is_coulomb = np.array([model.parameters[k].symbol == "Fc" for k in base.independent])
-    bodies, friction, known = (stream.predict(log, own * beta) for own in (~is_coulomb, is_coulomb, 0.0))
-    assert is_coulomb.any() and np.abs(known).max() > 0.1
-    np.testing.assert_allclose(bodies + friction - known, stream.predict(log, beta), atol=1e-9)
-
-
 def test_several_logs_add_up(planar_2r: Robot, exact_log: MakeLog) -> None:
     model = model_of(planar_2r, "viscous")
     theta = theta_of(model)

@@ -28,10 +28,17 @@ def random_theta(model: DynamicModel, seed: int = 0) -> Array:
     return np.random.default_rng(seed).normal(size=len(model.parameters))
 
 
+@pytest.mark.parametrize("has_friction", [True, False])
 @pytest.mark.parametrize("arm", ARMS)
-def test_torque_is_the_regressor_times_theta(arm: str, request: pytest.FixtureRequest) -> None:
-    model = DynamicModel(request.getfixturevalue(arm), ALL)
+def test_torque_is_the_regressor_times_theta(arm: str, has_friction: bool, request: pytest.FixtureRequest) -> None:
+    """Without friction the rotors are left, for which no columns are made."""
+    robot = request.getfixturevalue(arm)
+    drives = {name: Drive(gear_ratio=20.0, rotor_inertia=1e-4, bias=0.3) for name in robot.joint_names}
+    model = DynamicModel(robot.with_drives(drives), ALL)
     motion, theta = model.random_motion(20), random_theta(model)
+    if not has_friction:
+        theta[[one.kind == "friction" for one in model.parameters]] = 0.0
+        assert np.any(theta[model.inertial_count :])
     regressor = model.regressor(motion)
     assert regressor.shape == (20, model.robot.dof, len(model.parameters))
     np.testing.assert_allclose(

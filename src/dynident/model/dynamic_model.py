@@ -209,6 +209,9 @@ class DynamicModel(ModelMethods):
         theta = dq if theta is None else theta
         table = self.coefficient_table(theta)
         own, rigid = self._loaded(motion, theta)
+        is_inertia = np.array([own for part in self.friction for own in part.is_inertia], dtype=bool)
+        if not table[:, ~is_inertia].any():  # of bodies and rotors alone: no column of friction is made
+            return rigid + self.rotor_torque(motion, table @ is_inertia) - self.robot.bias
         at_drives = np.einsum("sjk,jk->sj", self.friction_values(own), table)
         return rigid + at_drives @ np.asarray(self.robot.coupling) + self.known_torque(motion)
 

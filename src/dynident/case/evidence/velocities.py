@@ -60,16 +60,19 @@ class VelocityPair:
     @cached_property
     def lags(self) -> Array:
         """Lag of each velocity behind the derivative in s, shape (n,): the least-squares shift; 0 for none."""
-        time, found = np.arange(len(self.slope)) / self.rate, np.zeros(self.slope.shape[1])
-        first, last = ceil(LATEST * self.rate), len(time) - ceil(-EARLIEST * self.rate)
-        inner = slice(first, last, max(1, int(self.rate / (20.0 * BAND_HZ))))
+        found = np.zeros(self.slope.shape[1])
+        first, last = ceil(LATEST * self.rate), len(self.slope) - ceil(-EARLIEST * self.rate)
+        inner = np.arange(first, last, max(1, int(self.rate / (20.0 * BAND_HZ))))
         if last - first < FEWEST:
             return found
         for joint in np.flatnonzero(self.moving).tolist():
+            stated, slope = self.stated[inner, joint], self.slope[:, joint].copy()
+            steps = np.diff(slope, append=slope[-1:])
 
-            def left(lags: Array, joint: int = joint) -> Array:
-                shifted = (np.interp(time[inner] - lag, time, self.slope[:, joint]) for lag in lags)
-                return np.array([np.sum((self.stated[inner, joint] - own) ** 2) for own in shifted])
+            def left(lags: Array, stated: Array = stated, slope: Array = slope, steps: Array = steps) -> Array:
+                at = np.clip(inner - lags[:, None] * self.rate, 0.0, len(slope) - 1.0)
+                before = at.astype(int)
+                return np.sum((stated - slope[before] - (at - before) * steps[before]) ** 2, axis=1)
 
             coarse = np.arange(EARLIEST, LATEST, COARSE)
             near = coarse[int(np.argmin(left(coarse)))] + np.arange(-COARSE, COARSE, FINE)

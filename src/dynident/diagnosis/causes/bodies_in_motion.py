@@ -12,7 +12,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.log import Log
-from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
 
 #: Steps of the finite differences: of positions in rad or m, and by the clock, a share.
 SHIFT, CLOCK_STEP = 1e-3, 1e-3
@@ -37,7 +37,8 @@ class BodiesInMotion:
     @classmethod
     def of_bodies(cls, regressor: RegressorStream, log: Log, bodies: Array) -> BodiesInMotion:
         """Return that of bodies by their base parameters, shape (b,)."""
-        return cls(regressor, log, bodies, regressor.predict(log, bodies))
+        bare = cls(regressor, log, bodies, np.zeros(0))
+        return replace(bare, rigid=bare._torque(log))
 
     def elastic(self, joint: int, compliance: float = 0.0) -> Array:
         """Return the torque by an elastic gear over its compliance in rad/N m or m/N, shape (N, n).
@@ -64,7 +65,7 @@ class BodiesInMotion:
         """Return the derivative of the torque by the speed of the clock, shape (N, n)."""
         speed = 1.0 + CLOCK_STEP
         faster = replace(self.log, dq=np.asarray(self.log.dq) * speed, ddq=np.asarray(self.log.ddq) * speed**2)
-        return (self.regressor.predict(faster, self.bodies) - self.rigid) / CLOCK_STEP
+        return (self._torque(faster) - self.rigid) / CLOCK_STEP
 
     def _moved(self, joint: int, shift: Array) -> Array:
         """Return the torque where the position of a joint is larger by ``shift`` (N,), shape (N, n)."""
@@ -73,4 +74,8 @@ class BodiesInMotion:
             values = np.array(getattr(self.log, name))
             values[:, joint] += shift
             moved[name], shift = values, np.gradient(shift, time)
-        return self.regressor.predict(replace(self.log, **moved), self.bodies)
+        return self._torque(replace(self.log, **moved))
+
+    def _torque(self, log: Log) -> Array:
+        """Return the torque of the bodies in another motion, shape (N, n)."""
+        return self.regressor.model.torque(motion_of(log), self.regressor.base.to_standard(self.bodies))

@@ -44,6 +44,11 @@ class CauseRows:
         return np.bincount(np.concatenate(self.columns), minlength=self.size) > 1
 
     @cached_property
+    def counted(self) -> tuple[Array, ...]:
+        """The observation matrices, zero where rows do not count, shape (K_i, N) each."""
+        return tuple(np.where(mask, block.T, 0.0) for mask, block in zip(self.masks.T, self.blocks, strict=True))
+
+    @cached_property
     def counts(self) -> Array:
         """Rows of each joint that count, shape (n,), at least 1."""
         return np.maximum(self.masks.sum(axis=0), 1).astype(float)
@@ -102,15 +107,17 @@ class SharedColumns:
         total, count = size + sum(map(len, causes)), rows.target.shape[1]
         products, whole, joints = np.zeros((count, total + 1, total + 1)), np.zeros(count), []
         standing = np.concatenate([np.zeros((0, count), bool), *(cause.any(axis=1) for cause in causes)])
-        for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
+        for i, (block, own) in enumerate(zip(rows.counted, rows.columns, strict=True)):
             mine, added = kept[own], [column for cause in causes for column in cause[:, :, i]]
             there = standing[:, i]
-            every = [*block.T[mine], *(column for column, is_there in zip(added, there, strict=True) if is_there)]
-            columns = np.where(rows.masks[:, i], np.stack([*every, rows.target[:, i]]), 0.0)
+            beside = [column for column, is_there in zip(added, there, strict=True) if is_there]
+            more = np.where(rows.masks[:, i], np.stack([*beside, rows.target[:, i]]), 0.0)
+            columns = np.concatenate([block[mine], more])
             numbers = np.concatenate([places[own[mine]], size + np.flatnonzero(there), [total]])
             whole[i] = columns[-1] @ columns[-1]
-            alone = _orthonormal(np.where(rows.masks[:, i], block.T[~mine], 0.0))
-            columns -= (columns @ alone.T) @ alone
+            alone = _orthonormal(block[~mine])
+            if len(alone):
+                columns -= (columns @ alone.T) @ alone
             products[i][np.ix_(numbers, numbers)] = columns @ columns.T
             joints.append(ColumnsAtJoint(numbers, columns, alone))
         grams, sides, squares = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]

@@ -209,8 +209,7 @@ class CauseSearch:
         mixed, ends = np.concatenate([residuals, *own]), np.cumsum([0, *map(len, own)])
         power, noisy = np.zeros((2, len(self.columns.joints), ends[-1]))
         for i, joint in enumerate(self.columns.joints):
-            there = np.flatnonzero(mixed[:, joint.places].any(axis=0))
-            series = mixed[:, joint.places[there]] @ self._transforms[i][there]
+            series = mixed[:, joint.places] @ self._transforms[i]
             power[i], noisy[i] = self.spectrum.sums(i, series[: len(fits)], series[len(fits) :], ends)
         for after, begin, end in zip(solved, ends[:-1], ends[1:], strict=True):
             sizes = np.maximum((1.0 / after.variances) @ power[:, begin:end], 1e-300)

@@ -52,7 +52,7 @@ def blames_beside_frames(
         oversampling=1.0,
     )
     others = [replace(cause, columns=cause.columns[:, some]) for cause in causes]
-    return CauseSearch(few, [*others, *_frame_causes(fit, error.frames)]).blames()
+    return CauseSearch(few, [*others, *_frame_causes(fit, error.frames)], few.shared).blames()
 
 
 def axes_off(blames: Sequence[Blame], robot: Robot) -> tuple[Blame, ...]:

@@ -360,7 +360,7 @@ class Trends:
     def _tilt(self, beta: Array) -> Cause:
         """Return the lean of the base about both axes across gravity; the first joint then carries its own link too."""
         gravity = np.asarray(self.fit.model.robot.gravity)
-        return _cause("tilt", "", *lean_torques(self.fit.gravity_observers, self._log, beta, gravity))
+        return _cause("tilt", "", *lean_torques(self.fit.gravity_observers, self._log, self._bodies(beta), gravity))
 
 
 def lean_torques(observers: Sequence[RegressorStream], log: Log, beta: Array, gravity: Array) -> Array:

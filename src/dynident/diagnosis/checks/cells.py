@@ -99,12 +99,12 @@ def _spikes(subject: CheckedLog) -> list[Finding]:
         values = getattr(log, signal)
         if values is None or len(values) < 9:
             continue
-        near = np.stack([values[k : len(values) - 4 + k] for k in range(5)])
-        middle = np.median(near, axis=0)
+        near = [values[k : len(values) - 4 + k] for k in range(5)]
+        middle = _middle(*near)
         away = np.abs(values[2:-2] - middle)
         floor = np.maximum(1.4826 * np.median(away, axis=0), 1e-3 * np.ptp(middle, axis=0))
         alone = np.abs(values[4:] - values[:-4]) < 0.5 * away  # a step, as of friction at a reversal, does not return
-        alone &= np.median(np.abs(near - middle), axis=0) < APART * away  # and a bend has its neighbours on its way
+        alone &= _middle(*(np.abs(one - middle) for one in near)) < APART * away  # a bend has neighbours on its way
         spikes = alone & (away > SPIKE * np.maximum(np.maximum(floor, np.quantile(away, 0.99, axis=0) / 4), 1e-12))
         if signal == "q":
             spikes &= travel(values) >= STILL  # of a joint at rest its last digit
@@ -117,6 +117,12 @@ def _spikes(subject: CheckedLog) -> list[Finding]:
             numbers = {"values": int(spikes.sum())}
             found.append(Finding("warning", "spikes", listed(joints), evidence, remedy, numbers))
     return found
+
+
+def _middle(a: Array, b: Array, c: Array, d: Array, e: Array) -> Array:
+    """Return the median of five signals, value by value."""
+    low, high = np.maximum(np.minimum(a, b), np.minimum(c, d)), np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return np.maximum(np.minimum(e, low), np.minimum(np.maximum(e, low), high))
 
 
 def _held(subject: CheckedLog) -> list[Finding]:
@@ -171,11 +177,12 @@ def held_at(time: Array, column: Array) -> tuple[IntArray, IntArray]:
     if len(rows) < 2 * AROUND + 2:
         return np.zeros(0, int), np.zeros(0, int)
     waited, moved = np.diff(rows), np.abs(column[rows[1:]] - column[rows[1:] - 1])
-    near = np.arange(len(waited))[:, None] + np.r_[-AROUND:0, 1 : AROUND + 1]
-    near = np.clip(near, 0, len(waited) - 1)
-    longer, farther = (each / np.median(each[near], axis=1) for each in (waited, moved))
-    is_held = (longer >= LONGER) & (farther >= LONGER) & (moved >= LONGER * smallest_step(column))
+    held, steps = np.flatnonzero(waited >= LONGER), np.diff(time)  # others wait for a row at least
+    if not len(held):
+        return np.zeros(0, int), np.zeros(0, int)
+    near = np.clip(held[:, None] + np.r_[-AROUND:0, 1 : AROUND + 1], 0, len(waited) - 1)
+    longer, farther = (each[held] / np.median(each[near], axis=1) for each in (waited, moved))
+    is_held = (longer >= LONGER) & (farther >= LONGER) & (moved[held] >= LONGER * smallest_step(column))
     is_held &= (CAUGHT_UP[0] * longer <= farther) & (farther <= CAUGHT_UP[1] * longer)
-    steps = np.diff(time)
-    is_held &= steps[rows[1:] - 1] <= GAP * np.median(steps)
-    return rows[:-1][is_held], rows[1:][is_held]
+    held = held[is_held & (steps[rows[1:][held] - 1] <= GAP * np.median(steps))]
+    return rows[:-1][held], rows[1:][held]

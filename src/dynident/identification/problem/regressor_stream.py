@@ -51,8 +51,6 @@ class RegressorStream:
         self._drive, self._coefficient = (found[friction] for found in model.terms)
         self._term = self._coefficient * model.robot.dof + self._drive
         self._inertial, self._any_gravity, self._only = len(inertial), any_gravity, only
-        is_inertia = np.array([own for part in model.friction for own in part.is_inertia], dtype=bool)
-        self._is_inertia = is_inertia[self._coefficient]
         needing = [("torque" in part.needs) for part in model.friction for _ in part.coefficients]
         wanted = np.array(needing, dtype=bool)[self._coefficient] | (only != "load")
         coupling = np.asarray(model.robot.coupling)
@@ -77,15 +75,10 @@ class RegressorStream:
     def predict(self, log: Log, beta: Array) -> Array:
         """Return the torque of the model at ``beta``, with the known torque, not filtered, shape (N, n).
 
-        Friction that depends on the load takes that of ``beta`` itself; its columns are not made where it is zero.
+        Friction that depends on the load takes that of ``beta`` itself.
         """
-        parts = [slice(start, start + CHUNK) for start in range(0, log.samples, CHUNK)]
-        if not beta[self._inertial :][~self._is_inertia].any():
-            cuts = list(map(motion_of(log).rows, parts))
-            heads = (self._kernel.evaluate(cut.q, cut.dq, cut.ddq) for cut in cuts)
-            rigid = [self._without_friction(cut, own, beta) for cut, own in zip(cuts, heads, strict=True)]
-            return np.concatenate(rigid) - self.model.robot.bias
         motion = remembered_motion(self.model, log)
+        parts = [slice(start, start + CHUNK) for start in range(0, log.samples, CHUNK)]
         blocks = (self._block(motion, part, load=beta) for part in parts)
         torques = [[beta[own] @ block[:-1] for own, block in zip(self.columns, joint, strict=True)] for joint in blocks]
         return np.concatenate([np.stack(part, axis=1) for part in torques]) + self.model.known_torque(motion)
@@ -215,7 +208,8 @@ class RegressorStream:
     def _without_friction(self, motion: Motion, heads: Sequence[Array], beta: Array) -> Array:
         """Return the torque of links and rotors at ``beta``, shape (N, n), from the inertial rows of each joint."""
         rigid = [beta[own] @ head for own, head in zip(self._kernel.columns, heads, strict=True)]
-        rotor, terms = np.zeros(self.model.robot.dof), np.flatnonzero(self._is_inertia)
+        is_inertia = np.array([own for part in self.model.friction for own in part.is_inertia], dtype=bool)
+        rotor, terms = np.zeros(self.model.robot.dof), np.flatnonzero(is_inertia[self._coefficient])
         rotor[self._drive[terms]] = beta[self._inertial + terms]
         return np.stack(rigid, axis=1) + self.model.rotor_torque(motion, rotor)
 

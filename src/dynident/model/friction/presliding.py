@@ -114,6 +114,11 @@ class Presliding(Friction):
         """Return the deflections at the ends of ways without a reversal between them, and before the first."""
         shape, inverse, step = self.shape, 1.0 / self.shape, self.shape / self.length
         found = [at := min(max(start / self.length, -1.0), 1.0)]
+        if shape == 1.0:  # without powers: a log has thousands of reversals
+            for way in moves:
+                at += step * way
+                found.append(at := 1.0 if at > 1.0 else -1.0 if at < -1.0 else at)
+            return self.length * np.array(found)
         for way in moves:
             side = 1.0 if way >= 0.0 else -1.0
             rest = max(1.0 - side * at, 0.0) ** shape - step * side * way
