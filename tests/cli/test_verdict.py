@@ -15,6 +15,7 @@ import pytest
 
 import dynident
 from dynident.api.identify import Record
+from dynident.api.validate import compared, judged_logs
 from dynident.cli.main import main
 from dynident.data.formats import write_log
 from dynident.data.log import Log
@@ -24,6 +25,7 @@ from dynident.identification.files.estimate_file import read_estimate
 from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
 from dynident.model.robot import Robot
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[2].parent / "shared" / "data")
@@ -237,6 +239,62 @@ def test_criteria_are_judged_on_the_test_and_go_with_the_estimate(
     assert total["detail"] == "test data"
     seen = answered(capsys, 0, "validate", "e.json", "run.csv")["verdict"]["criteria"]
     assert "training data" in {each["detail"] for each in seen}
+
+
+def test_validate_judges_the_new_log(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first line had been about the training logs, whatever the new log was, and log_checks had counted theirs."""
+    recorded(spatial_3r, name="swapped.csv", change=_swapped)
+    recorded(spatial_3r, name="half.csv", change=lambda log: replace(log, torque=0.2 * np.asarray(log.torque)))
+    recorded(spatial_3r, name="other.csv")
+    recorded(spatial_3r)
+    assert main(["identify", "case.yaml", "run.csv", "-o", "e.json", *QUICK]) == 0
+    capsys.readouterr()
+    judged = ("--accept", "total_error=900%", "log_checks")
+    found = answered(capsys, 4, "validate", "e.json", "swapped.csv", *judged)["verdict"]
+    assert {(cause["log"], cause["name"]) for cause in found["causes"]} == {("swapped.csv", "torque order")}
+    checks = next(each for each in found["criteria"] if each["criterion"] == "log_checks")
+    assert (checks["value"], checks["is_met"], checks["detail"]) == (1, False, "test data")
+    assert found["new_log"]["unlike"] and found["new_log"]["findings"]
+    assert main(["validate", "e.json", "swapped.csv"]) == 4
+    shown, told = capsys.readouterr()
+    first, second = shown.splitlines()[:2]
+    assert first.startswith("NOT ACCEPTED: swapped.csv: ") and second.startswith("error: swapped.csv: torque order ")
+    assert "next: correct the log, or the case that reads it" in told
+    assert main(["validate", "e.json", "half.csv"]) == 4
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0].startswith("NOT ACCEPTED: half.csv: the estimate does not explain this log: worse than a constant")
+    assert shown[1].startswith("error: half.csv: nothing explained") and "torque unit" in shown[2]
+
+    def made(*_: object) -> None:
+        raise AssertionError("the checks were made, and nothing asks for them")
+
+    with monkeypatch.context() as without:
+        without.setattr("dynident.api.validate.check_logs", made)
+        assert main(["validate", "e.json", "other.csv", "--accept", "total_error=15%"]) == 0
+    first, second = capsys.readouterr().out.splitlines()[:2]
+    assert first == "ACCEPTED: 1 of 1 criteria met" and second.startswith("other.csv: no joint errs far beyond the tr")
+    right = answered(capsys, 0, "validate", "e.json", "other.csv", *judged)["verdict"]
+    assert right["word"] == "accepted" and [each["value"] for each in right["criteria"]][1] == 0
+
+
+def test_a_new_log_in_which_most_joints_rest_is_as_the_training(spatial_3r: Robot, recorded: Recorded) -> None:
+    """What noise leaves of a torque that is constant has no R2 to speak of."""
+    log = recorded(spatial_3r)
+    case = dynident.read_case("case.yaml")
+    estimate = dynident.identify(case.model, [log], "wls", case.preprocessing, record=Record(checks=False))
+    model, q = estimate.model, np.array(log.q)
+    q[:, 1:] = q[:1, 1:]  # the first axis is vertical: gravity asks nothing of it, and constant torques of the others
+    noise = np.random.default_rng(3).normal(size=q.shape)
+    speed = np.gradient(q, np.asarray(log.time), axis=0)
+    motion = Motion(q, speed, np.gradient(speed, np.asarray(log.time), axis=0))
+    torque = (
+        model.torque(motion, estimate.base.to_standard(estimate.beta)) + np.asarray(estimate.joint_deviations) * noise
+    )
+    test = compared(estimate, [Log(log.joints, log.time, q, torque=torque)])
+    found = judged_logs(estimate, test, [])
+    assert found.quality is None and not found.explains_nothing and not found.unlike
 
 
 def test_a_wrong_nominal_model_is_worse_and_the_true_one_is_not(

@@ -13,7 +13,7 @@ from dynident.diagnosis.causes.pooled_logs import pooled_fit, pooled_logs
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.examination import examine, examine_logs
-from dynident.diagnosis.verdict import Verdict, check_warnings, logs_apart
+from dynident.diagnosis.verdict import Verdict, check_lines, logs_apart
 from dynident.model.friction import Motion
 from dynident.results.verdict import reason_of
 
@@ -175,7 +175,7 @@ def test_a_log_far_from_the_others_is_a_warning_beside_any_other(
     assert finding.severity == severity and (found[1].findings[0] == finding) == is_warning
     assert ("do not fit it with the others" in finding.remedy) == is_warning
     quality = [one.figures() for one in found]
-    assert ("unlike other logs" in "".join(check_warnings(quality)[:1])) == is_warning
+    assert ("unlike other logs" in "".join(check_lines(quality)[:1])) == is_warning
 
 
 def test_of_two_logs_that_differ_each_is_examined_alone(trials: list[Trial], tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot, validate
 from dynident.data.preprocessing.as_given import AsGiven
-from dynident.diagnosis.verdict import check_warnings, errors_in
+from dynident.diagnosis.verdict import check_lines, errors_in
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.consistency.log_cholesky_fit import BOUNDARY, UNFINISHED
 from dynident.identification.problem.choices import Choices, GainUncertainty, NoiseBias
@@ -225,11 +225,11 @@ def test_what_is_found_in_several_logs_is_told_once() -> None:
         return {"path": path, "findings": found}
 
     quality = [log("runs/a.csv", "j1"), log("runs/b.csv", "j1", "j2"), log("runs/c.csv")]
-    assert check_warnings(quality) == ["a.csv and 1 other log: spikes (j1): of runs/a.csv; mend it"]
+    assert check_lines(quality) == ["a.csv and 1 other log: spikes (j1): of runs/a.csv; mend it"]
     assert [str(one) for one in errors_in(quality)] == [
         "a.csv and 1 other log: torque sign (j1): of runs/a.csv; mend it",
         "b.csv: torque sign (j2): of runs/b.csv; mend it",
     ]
     same_name = [log("x/a.csv", "j1"), log("y/a.csv")]
-    assert check_warnings(same_name) == ["x/a.csv: spikes (j1): of x/a.csv; mend it"]
-    assert check_warnings([]) == [] and errors_in([log("a.csv")]) == ()
+    assert check_lines(same_name) == ["x/a.csv: spikes (j1): of x/a.csv; mend it"]
+    assert check_lines([]) == [] and errors_in([log("a.csv")]) == ()

@@ -12,6 +12,7 @@ from dynident.data.log import Log
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.verdict import SUSPECT, ErrorFinding, errors_in
 from dynident.errors import DynidentError, NotAccepted
+from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
 
 #: Findings after which a fit says nothing: the time or the columns of the log have no meaning yet.
@@ -37,7 +38,10 @@ def case_of_model(model: DynamicModel) -> Case:
 
 
 def check_logs(
-    case: Case, logs: Sequence[Log], progress: Callable[[str], None] = lambda step: None
+    case: Case,
+    logs: Sequence[Log],
+    progress: Callable[[str], None] = lambda step: None,
+    earlier: Estimate | None = None,
 ) -> list[dict[str, Any]]:
     """Return what the checks find in logs that were read, and in those together that are alike, as plain data.
 
@@ -45,6 +49,7 @@ def check_logs(
         case: Robot, units and preprocessing.
         logs: The logs, in the order of the robot's joints or not.
         progress: Called with the step in words.
+        earlier: An estimate of the robot, whose bodies take the place of the robot model's.
 
     Raises:
         LogMismatch: A joint is missing.
@@ -55,7 +60,7 @@ def check_logs(
     progress("log checks")
     names = case.robot.joint_names
     recordings = [recording_of(case, log.ordered(names)) for log in logs]
-    return [examination.figures() for examination in examine_recordings(case, recordings)]
+    return [examination.figures() for examination in examine_recordings(case, recordings, earlier)]
 
 
 def check_heads(case: Case, progress: Callable[[str], None] = lambda step: None) -> list[dict[str, Any]]:

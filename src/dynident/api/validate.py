@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from dynident.api.case_logs import read_data, seen_logs
 from dynident.api.files_of_fit import file_of_fit
 from dynident.api.given_logs import LogLike, logs_of
+from dynident.api.log_checks import check_logs
 from dynident.applications.standstill import with_rest
 from dynident.applications.start_states import with_starts
+from dynident.case.acceptance import Acceptance
 from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap, open_log
 from dynident.data.log import Log
 from dynident.data.log_of_robot import LOCKED_TOLERANCE, read_with
 from dynident.data.preprocessing import Preprocessing, preprocess
+from dynident.diagnosis.new_log import NewLog, check_command, new_log
 from dynident.errors import BadArgument, DynidentError, LogFormatError, LogMismatch
 from dynident.identification import validate as bare
 from dynident.identification.estimate.estimate import Estimate
@@ -102,6 +106,37 @@ def compared(
     logs_from, starts = with_starts(estimate, prepared)
     found = replace(bare.validate(estimate, logs_from), start_states=starts)
     return with_rest(estimate, found, logs_from) if interval_at_rest else found
+
+
+def judged_logs(
+    estimate: Estimate,
+    test: Validation,
+    logs: Sequence[Log],
+    case: Case | None = None,
+    place: str = "ESTIMATE",
+    acceptance: Acceptance | None = None,
+    progress: Callable[[str], None] = lambda step: None,
+) -> NewLog:
+    """Return what a comparison says of the logs; where they err far beyond the training their log checks are made.
+
+    Args:
+        estimate: The estimate, whose bodies take the place of the robot model's in the checks.
+        test: Its comparison with the logs.
+        logs: The logs.
+        case: The case that they were read by; None where they were read as those of the fit.
+        place: The file of the estimate, for messages.
+        acceptance: Criteria, of which one may ask for the checks in any case.
+        progress: Called with each step in words.
+    """
+    path = str(estimate.provenance.get("case", {}).get("path", "")) if case is None else case.path
+
+    def check() -> list[dict[str, Any]]:
+        columns, robot, _ = reading_of(estimate, case)
+        subject = Case(robot, tuple(estimate.model.friction), columns, estimate.preprocessing, path=path)
+        return check_logs(subject, logs, progress, estimate)
+
+    command = check_command([log.name for log in logs], place, path)
+    return new_log(estimate, test, command, check, acceptance is not None and "log_checks" in acceptance.limits)
 
 
 def read_log(estimate: Estimate, name: str | Path, case: Case | None = None) -> Log:

@@ -86,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.api.compare import contest_of_case, methods_of
     from dynident.api.log_checks import check_logs, refuse_faulty
     from dynident.cli import console, jobs, verdicts
-    from dynident.diagnosis.verdict import Verdict, check_warnings, errors_in
+    from dynident.diagnosis.verdict import Verdict, check_lines, errors_in
     from dynident.files import check_outputs, check_place
     from dynident.studies.comparison.compare import ranked
 
@@ -112,12 +112,12 @@ def run(options: argparse.Namespace) -> int:
             _report(options.report, case, table, data, quality)
     verdict = Verdict(errors_in(quality), (), not options.no_check)
     if options.json:
-        warnings = check_warnings(quality)
+        warnings = check_lines(quality)
         console.answer_json({"verdict": verdict.figures(), "warnings": warnings, **_figures(contest, table, stopped)})
     else:
         verdicts.show(verdict)
         _show(contest, table)
-        for warning in check_warnings(quality):
+        for warning in check_lines(quality):
             console.answer(f"warning: {warning}")
     if stopped:
         console.remark(f"stopped: {len(outcomes)} of {len(methods)} methods done")

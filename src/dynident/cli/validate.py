@@ -6,10 +6,11 @@ dynident validate estimate.json run.mcap --case bag.yaml
 
 Of actuators (a case with servo:) the answer is the error of each roll-out, by default over the test logs of the case.
 
-The answer takes one screen: verdict, errors by joint, links, data, warnings; --full shows all tables.
-The acceptance criteria are those of the identification and those of --accept, judged on these logs.
-Exit codes: 0 accepted or no criteria, 1 an error of the input, 2 wrong usage, 3 acceptance criteria not met,
-4 the estimate was not accepted for a finding of the log checks, 130 interrupted.
+The answer takes one screen, the new logs first; --full shows all tables. Criteria are those of the identification and
+of --accept, judged on these logs. Where the error is far beyond that of the training, or log_checks is a criterion, the
+log checks look for the cause in these logs.
+Exit codes: 0 accepted or no criteria, 1 an error of the input, 2 wrong usage, 3 criteria not met, 4 an error-level
+finding in these logs or the training's, or worse than a constant torque at most joints, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.actuators import is_actuators
     from dynident.api.case_logs import check_unseen, seen_logs
     from dynident.api.estimate_output import summary
-    from dynident.api.validate import compared, read_log
+    from dynident.api.validate import compared, judged_logs, read_log
     from dynident.case.acceptance import Acceptance, with_accept
     from dynident.cli import actuators, console, jobs, verdicts
     from dynident.data.split import Split
@@ -80,6 +81,7 @@ def run(options: argparse.Namespace) -> int:
             logs = [split.apply(log)[1] for log in logs]
         progress.step("validating")
         test = compared(estimate, logs)
+        new = judged_logs(estimate, test, logs, case, options.estimate, acceptance, progress.step)
         if options.report:
             from dynident.results.report import write_report
 
@@ -87,8 +89,8 @@ def run(options: argparse.Namespace) -> int:
             sources = [log.source for log in logs]
             write_report(options.report, estimate, (test,), command=jobs.repeat_command(), sources=sources)
     optimistic = [f"{name}: this log was used for training, so its metrics are optimistic" for name in seen]
-    warnings = [*optimistic, *warnings_of(estimate, test)]
-    verdict = verdict_of(estimate, test, acceptance, is_held_out=not seen)
+    warnings = [*optimistic, *warnings_of(estimate, test, new)]
+    verdict = verdict_of(estimate, test, acceptance, is_held_out=not seen, new=new)
     if options.json:
         console.answer_json(summary(estimate, test, verdict, warnings))
         return verdict.code

@@ -14,13 +14,15 @@ if TYPE_CHECKING:
 def show(verdict: Verdict) -> None:
     """Print what speaks against an estimate, before its figures; nothing where nothing does and nothing was asked."""
     from dynident.cli import console
-    from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, headline
+    from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, headline, new_lines
 
     line = headline(verdict)
     if line:
         console.answer(line)
     for cause in cause_lines(verdict):
         console.answer(f"  error: {cause}")
+    for told in new_lines(verdict):
+        console.answer(told)
     if verdict.criteria:
         console.answer_table(criteria_table(verdict))
     if not verdict.is_checked:
@@ -81,11 +83,13 @@ def show_short(
     from dynident.cli import console
     from dynident.diagnosis.warnings import warnings_of
     from dynident.results import short_answer
-    from dynident.results.verdict import cause_lines, criteria_table
+    from dynident.results.verdict import cause_lines, criteria_table, new_lines
 
     console.answer(short_answer.verdict_line(verdict))
     for cause in cause_lines(verdict):
         console.answer(f"error: {cause}")
+    for told in new_lines(verdict):
+        console.answer(told)
     if verdict.criteria:
         console.answer_table(criteria_table(verdict))
     console.answer()
@@ -97,7 +101,10 @@ def show_short(
         if line or line != table.note:
             console.answer(line)
     show_ranges(estimate)
-    for line in () if verdict.causes else short_answer.warning_lines(warnings_of(estimate, test), console.line_width()):
+    new = verdict.new
+    told = "" if new is None or new.quality is None else f"{new.unlike}: {new.step}"  # its causes are named above
+    warnings = [each for each in warnings_of(estimate, test, new) if each != told]
+    for line in () if verdict.causes else short_answer.warning_lines(warnings, console.line_width()):
         console.answer(line)
     console.answer(f"all tables: {more}")
 
@@ -106,8 +113,12 @@ def next_step(place: str, estimate: Estimate, verdict: Verdict) -> str:
     """Return what to do with an estimate that has this verdict on test logs."""
     from dynident.exports.models import own_target
 
+    if verdict.new_causes:
+        return "next: correct the log, or the case that reads it (--case), and validate again"
     if verdict.causes:
         return "next: correct the cause, and dynident identify again"
+    if verdict.new is not None and verdict.new.unlike:
+        return f"next: {verdict.new.command}"
     if verdict.code:
         return "next: see where it errs (--full), record what is missing (dynident excite), and dynident identify again"
     target = own_target(estimate)

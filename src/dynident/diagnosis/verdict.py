@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import PurePath
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from dynident.arrays import Array, finite
 from dynident.case.acceptance import CONDITIONS, CRITERIA, Acceptance
 from dynident.diagnosis.finding import UNLIKE_OTHERS, Severity
+from dynident.diagnosis.new_log import NewLog
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Z_95, Validation
@@ -88,6 +89,7 @@ class Verdict:
         is_checked: Whether the log checks were made on the logs of the fit.
         apart: Logs of the fit that parameters of the other ones do not explain, by a warning.
         warned: Titles of the other findings of the log checks at warning level.
+        new: What logs that had no part in the fit say, where the verdict is on these.
     """
 
     causes: tuple[ErrorFinding, ...]
@@ -95,6 +97,12 @@ class Verdict:
     is_checked: bool
     apart: tuple[str, ...] = ()
     warned: tuple[str, ...] = ()
+    new: NewLog | None = None
+
+    @property
+    def new_causes(self) -> tuple[ErrorFinding, ...]:
+        """Those of the causes that are of new logs."""
+        return () if self.new is None else _causes_in(self.new)
 
     @property
     def word(self) -> str:
@@ -118,6 +126,7 @@ class Verdict:
             "log_checks_made": self.is_checked,
             "causes": [asdict(cause) for cause in self.causes],
             "criteria": [criterion.figures() for criterion in self.criteria],
+            **({} if self.new is None else {"new_log": self.new.figures()}),
         }
 
 
@@ -126,9 +135,9 @@ def errors_in(quality: Sequence[Mapping[str, Any]]) -> tuple[ErrorFinding, ...]:
     return _told_once(quality, "error", ("name", "joint"))
 
 
-def check_warnings(quality: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the findings at warning level of examinations as plain data, each in one line; see :func:`errors_in`."""
-    found = _told_once(quality, "warning", ("name",))
+def check_lines(quality: Sequence[Mapping[str, Any]], severity: Severity = "warning") -> list[str]:
+    """Return the findings at one level of examinations as plain data, each in one line; see :func:`errors_in`."""
+    found = _told_once(quality, severity, ("name",))
     return [str(finding) for finding in sorted(found, key=lambda finding: finding.name != UNLIKE_OTHERS)]
 
 
@@ -196,8 +205,9 @@ def verdict_of(
     acceptance: Acceptance | None = None,
     quality: Sequence[Mapping[str, Any]] | None = None,
     is_held_out: bool = True,
+    new: NewLog | None = None,
 ) -> Verdict:
-    """Return the verdict on an estimate.
+    """Return the verdict on an estimate; with ``new`` that on logs which had no part in its fit.
 
     Args:
         estimate: The estimate.
@@ -205,14 +215,28 @@ def verdict_of(
         acceptance: The criteria; None for those that its provenance has.
         quality: What the checks found in the logs of the fit; None for what its provenance has.
         is_held_out: Whether ``test`` had no part in the fit.
+        new: What the logs of ``test`` say; causes are then theirs too, and of the log checks theirs count.
     """
     known = quality_of(estimate) if quality is None else quality
-    causes = causes_against(estimate, known)
+    causes = (*causes_against(estimate, known), *(() if new is None else _causes_in(new)))
     stated = Acceptance(estimate.provenance.get("accept") or {}) if acceptance is None else acceptance
     on = "training data" if test is None or not is_held_out else "test data"
-    judged = [_judged(name, limit, estimate, test, known, on) for name, limit in stated.limits.items()]
+    checked = known if new is None else new.quality
+    judged = [_judged(name, limit, estimate, test, checked, on) for name, limit in stated.limits.items()]
+    if new is not None:
+        judged = [replace(one, detail=one.detail or on) if one.criterion == "log_checks" else one for one in judged]
     warned = [own.title for own in _told_once(known or (), "warning", ("name", "joint")) if own.name != UNLIKE_OTHERS]
-    return Verdict(causes, tuple(judged), known is not None, logs_apart(known or ()), tuple(warned))
+    return Verdict(causes, tuple(judged), known is not None, logs_apart(known or ()), tuple(warned), new)
+
+
+def _causes_in(new: NewLog) -> tuple[ErrorFinding, ...]:
+    """Return what speaks against an estimate in new logs at error level."""
+    found = errors_in(new.quality or ())
+    if found or not new.explains_nothing:
+        return found
+    evidence = f"the model is worse than a constant torque at {new.worthless[0]} of {new.worthless[1]} joints"
+    remedy = "make sure that robot, mounting, load, columns and units are those of the training"
+    return (ErrorFinding(new.name, "nothing explained", "", evidence, remedy),)
 
 
 def logs_apart(quality: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -242,7 +266,8 @@ def _judged(
         return AcceptanceCriterion(name, None, None, not why and estimate.consistency.consistent, why)
     if name == "log_checks":
         count = None if quality is None else len(errors_in(quality))
-        return AcceptanceCriterion(name, count, 0, count == 0, "the log checks were not made" if count is None else "")
+        detail = "the log checks were not made" if count is None else ""
+        return AcceptanceCriterion(name, count, 0, count == 0, detail)
     value: float | None = data.total_relative_error
     detail = on
     if name == "joint_error":

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from dynident.diagnosis.constant_residual import constant_residual
-from dynident.diagnosis.verdict import check_warnings, quality_of
+from dynident.diagnosis.new_log import NewLog, check_command, unlike
+from dynident.diagnosis.verdict import check_lines, quality_of
 from dynident.identification.consistency.log_cholesky_fit import UNFINISHED
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
@@ -24,11 +24,6 @@ POOR_FIT = 0.25
 
 #: R2 of a joint below which its channel says little.
 POOR_JOINT = 0.5
-
-#: Residual of a joint on test data over that on training data above which the test log is told to be another one (twice
-#: as fast a motion of a real arm had 2.6), where it is more than this share of the torque, so that it matters; and the
-#: one above which a motion beyond that of the fit is the less likely cause.
-UNLIKE, UNLIKE_ERROR, GRAVELY = 4.0, 0.15, 10.0
 
 #: How far a joint may leave its limits, in rad or m.
 BEYOND_LIMITS = 0.05
@@ -44,11 +39,23 @@ LEAST_SHARE, AGREES = 0.02, 0.1
 FAR = 3.0
 
 
-def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str, ...]:
-    """Return the warnings, the most important first, each with what to check."""
+def warnings_of(estimate: Estimate, test: Validation | None = None, new: NewLog | None = None) -> tuple[str, ...]:
+    """Return the warnings, the most important first, each with what to check.
+
+    Args:
+        estimate: The estimate.
+        test: Its comparison with logs that had no part in the fit.
+        new: What these logs say, where it is known.
+    """
+    case = str(estimate.provenance.get("case", {}).get("path", ""))
+    told, step = "", ""
+    if new is not None:
+        told, step = new.unlike, new.step
+    elif test is not None:
+        told, step = unlike(estimate, test, check_command(test.logs, case=case))
     found = [
-        *([] if test is None else _unlike(estimate, test)),
-        *check_warnings(quality_of(estimate) or ()),
+        *([f"{told}: {step}"] if told else []),
+        *check_lines(quality_of(estimate) or ()),
         *_gaps(estimate),
         *_limits(estimate),
         *{**_torques(estimate.train), **({} if test is None else _torques(test))}.values(),
@@ -164,27 +171,6 @@ def _springs_beside_load(estimate: Estimate) -> list[str]:
     )
     what = "load friction takes the torque of links and rotors alone as the load of the drive, without the spring"
     return [f"{named}: {what}; leave it out of these joints, or take its coefficient as a fit only"] if named else []
-
-
-def _unlike(estimate: Estimate, test: Validation) -> list[str]:
-    """Say where a test log has another residual than the fit: another load, robot or unit, or a motion far from it."""
-    signals = (test.measured, test.predicted, test.dq)
-    if constant := constant_residual(estimate, *signals, test.standstill, test.deviations):
-        return [constant]
-    pairs = zip(test.moving, estimate.train.moving, strict=True)
-    times = {now.name: now.rmse / then.rmse for now, then in pairs if now.relative_error > UNLIKE_ERROR and then.rmse}
-    if not times or max(times.values()) < UNLIKE:
-        return []
-    joint = max(times, key=lambda name: times[name])
-    case = estimate.provenance.get("case", {}).get("path") or "CASE"
-    told = f"{joint}: the test residual is {times[joint]:.0f} times that of the training data"
-    look = f"'dynident check {case} LOG --against ESTIMATE' looks for a load, a unit or another robot"
-    if test.departure is not None and estimate.envelope is not None and test.departure.leaves():
-        motion = "its motion leaves that of the fit, train on such a motion as well"
-        if times[joint] < GRAVELY:
-            return [f"{told}: {motion}; or {look} as its cause"]
-        return [f"{told}: {look} as its cause ('dynident payload' weighs a load); {motion}"]
-    return [f"{told}: {look} as its cause; 'dynident payload' weighs a load"]
 
 
 def _unfinished(estimate: Estimate) -> list[str]:

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dynident.diagnosis.verdict import NO_CRITERIA, OF_FIT, AcceptanceCriterion, Verdict
+from dynident.diagnosis.new_log import NewLog
+from dynident.diagnosis.verdict import (
+    ACCEPTED,
+    NO_CRITERIA,
+    NOT_MET,
+    OF_FIT,
+    AcceptanceCriterion,
+    Verdict,
+    check_lines,
+    errors_in,
+)
 from dynident.results.text import MISSING, Column, Table, counted, format_percent, label
 
 #: What is said where nobody has looked at the logs of a fit.
@@ -13,17 +23,51 @@ NOT_CHECKED = "log checks: not made on the logs of this fit ('dynident check' ma
 #: Logs, and warnings, that are named at most.
 _NAMED = 4
 
+#: Causes of an error on new logs that are named at most.
+_CAUSES = 2
+
 #: What the exports say of an estimate that findings speak against.
 STEP = "correct the cause and identify again"
 
 
+def new_log_line(new: NewLog) -> str:
+    """Return in one line how the error on new logs lies to that of the training."""
+    totals = f"total error {format_percent(new.error)}, training {format_percent(new.trained)}"
+    if new.explains_nothing:
+        where = f"worse than a constant torque at {new.worthless[0]} of {new.worthless[1]} joints"
+        return f"{label(new.name)}: the estimate does not explain this log: {where} ({totals})"
+    if new.unlike:
+        return f"{label(new.name)}: {label(new.unlike)} ({totals})"
+    return f"{label(new.name)}: no joint errs far beyond the training ({totals})"
+
+
+def new_lines(verdict: Verdict) -> list[str]:
+    """Return what is said of new logs below the headline: their error, and causes that are less than errors."""
+    new = verdict.new
+    if new is None:
+        return []
+    lines = [new_log_line(new)] if verdict.word in (ACCEPTED, NOT_MET) else []
+    if new.quality is None or not (new.unlike or new.explains_nothing) or errors_in(new.quality):
+        return lines
+    found = check_lines(new.quality, "warning") or check_lines(new.quality, "note")
+    told = [f"log checks: {label(line)}" for line in found[:_CAUSES]]
+    return [*lines, *(told or ["the checks of this log name no cause", *filter(None, [label(new.step)])])]
+
+
 def headline(verdict: Verdict) -> str:
     """Return the verdict in one line; empty where nothing speaks against the estimate and nothing was asked."""
+    if verdict.word == NO_CRITERIA and verdict.new is not None:
+        return new_log_line(verdict.new)
     return "" if verdict.word == NO_CRITERIA else f"{verdict.word.upper()}: {reason_of(verdict)}"
 
 
 def reason_of(verdict: Verdict) -> str:
     """Return why the verdict is what it is; without criteria, what the log checks found."""
+    if verdict.new is not None and verdict.new_causes == verdict.causes != ():
+        if verdict.new.explains_nothing:
+            return new_log_line(verdict.new)
+        told = counted(len(verdict.causes), "finding")
+        return f"{label(verdict.new.name)}: its log checks have {told} at error level; correct the log or its case"
     if verdict.causes:
         count = sum(cause.log != OF_FIT for cause in verdict.causes)
         told = f"the log checks have {count} finding{'s' * (count > 1)} at error level"
