@@ -52,6 +52,21 @@ def test_the_log_of_the_fit_stays_inside(bench: Bench, estimate: Estimate) -> No
     assert not any("leaves" in warning for warning in warnings_of(estimate, found))
 
 
+@pytest.mark.parametrize(("degrees", "is_told"), [(44.0, False), (45.0, False), (58.0, True)])
+def test_drives_warmer_than_in_the_fit_are_an_extrapolation(bench: Bench, degrees: float, is_told: bool) -> None:
+    """Trained up to 44 degrees, tested at 58, and nothing had been said."""
+    log, warm = bench.log, np.linspace(24.0, 44.0, bench.log.samples)[:, None] * np.ones(2)
+    estimate = identify(bench.model, [replace(log, temperature=warm)], "wls", GIVEN)
+    own = replace(log, temperature=np.full_like(warm, degrees))
+    departure, envelope = validate(estimate, [own]).departure, estimate.envelope
+    assert departure is not None and envelope is not None and departure.leaves() is is_told
+    said = departure.sentence(envelope)
+    assert ("temperature of 2 joints (joint1 58 to 58, in training 24 to 44)" in said) is is_told
+    assert ("include such motions and temperatures" in said) is is_told
+    without = validate(estimate, [log]).departure  # a log that does not state them
+    assert without is not None and not without.leaves() and np.shape(without.low) == (3, 2)
+
+
 def test_rounding_is_not_extrapolation(bench: Bench, estimate: Estimate) -> None:
     """The same log, filtered on another processor, differs in its last digits and stays inside."""
     log = bench.log

@@ -114,7 +114,7 @@ def unlike(estimate: Estimate, test: Validation, command: str) -> tuple[str, str
     told = f"{joint}: the test residual is {times[joint]:.0f} times that of the training data"
     look = f"'{command}' looks for a load, a unit or another robot"
     if test.departure is not None and estimate.envelope is not None and test.departure.leaves():
-        motion = "its motion leaves that of the fit, train on such a motion as well"
+        motion = "it leaves the ranges of the fit, train on such a log as well"
         if times[joint] < GRAVELY:
             return told, f"{motion}; or {look} as its cause"
         return told, f"{look} as its cause ('dynident payload' weighs a load); {motion}"

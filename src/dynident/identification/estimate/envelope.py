@@ -12,10 +12,13 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.model.reduction import Triangle
 
-QUANTITIES = ("position", "velocity", "acceleration")
+QUANTITIES = ("position", "velocity", "acceleration", "temperature")
 
 #: How far beyond the range of the fit a joint may go, as a share of that range.
 BEYOND = 0.15
+
+#: Range of temperatures, in K, that one of a fit counts as at least: friction changes by a percent or two in each.
+LEAST_WARMTH = 10.0
 
 #: Share of rows outside that is more than a few peaks.
 SEVERAL = 0.01
@@ -32,8 +35,8 @@ class Envelope:
     """Where the rows of a fit lie.
 
     Attributes:
-        low: Smallest position, velocity and acceleration of each joint, shape (3, n).
-        high: Largest, shape (3, n).
+        low: Smallest position, velocity and acceleration of each joint, and temperature, if logged, shape (3 or 4, n).
+        high: Largest, of the same shape.
         mean: Of all states [q, dq, ddq], shape (3 n,).
         whitener: Turns a state less the mean into one of unit covariance, shape (3 n, 3 n).
         furthest: Largest Mahalanobis distance of a row of the fit.
@@ -58,10 +61,10 @@ class Departure:
 
     Attributes:
         joints: Names.
-        low: Smallest position, velocity and acceleration of each joint in the log, shape (3, n).
-        high: Largest, shape (3, n).
-        beyond: How far each goes beyond the fit, as a share of its range there, shape (3, n); 0 inside.
-        outside: Share of the rows in which it does, shape (3, n).
+        low: Smallest position, velocity and acceleration of each joint in the log, and temperature, shape (3 or 4, n).
+        high: Largest, of the same shape.
+        beyond: How far each goes beyond the fit, as a share of its range there, of the same shape; 0 inside.
+        outside: Share of the rows in which it does, of the same shape.
         far: Share of the rows further from the mean of the fit than any row of the fit, in the Mahalanobis sense.
         bands: Torque that the parameters' covariance leaves open along the log, root mean square, shape (n,).
         growth: The same squared over that of the fit: the ratio of predicted variances, shape (n,).
@@ -85,7 +88,7 @@ class Departure:
         if not self.leaves():
             return ""
         parts = []
-        for k, name in enumerate(QUANTITIES):
+        for k, name in enumerate(QUANTITIES[: len(self.low)]):
             left = np.flatnonzero((self.beyond[k] > BEYOND) & (self.outside[k] > SEVERAL))
             if len(left):
                 worst = left[np.argmax(self.beyond[k, left])]
@@ -95,7 +98,8 @@ class Departure:
                 parts.append(f"{name} of {count} ({self.joints[worst]} {ours}, in training {seen})")
         top = int(np.argmax(self.growth))
         growth = f"the predicted torque of {self.joints[top]} has {self.growth[top]:.2g} times the training variance"
-        advice = "the test error does not hold for the training motions; include such motions in identification"
+        warm = " and temperatures" if "temperature" in "".join(parts) else ""
+        advice = f"the test error does not hold for the training motions; include such motions{warm} in identification"
         return f"extrapolation beyond the training range: {'; '.join(parts)}; {growth}: {advice}"
 
     def figures(self) -> dict[str, Any]:
@@ -110,7 +114,7 @@ class Departure:
                         "beyond": float(self.beyond[k, i]),
                         "outside": float(self.outside[k, i]),
                     }
-                    for k, quantity in enumerate(QUANTITIES)
+                    for k, quantity in enumerate(QUANTITIES[: len(self.low)])
                 },
                 "torque_band": float(self.bands[i]),
                 "variance_growth": float(self.growth[i]) if np.isfinite(self.growth[i]) else None,
@@ -124,12 +128,12 @@ def envelope_of(logs: Sequence[Log], triangles: Sequence[Triangle], covariance: 
     """Return the envelope of a fit.
 
     Args:
-        logs: Its rows, with q, dq and ddq.
+        logs: Its rows, with q, dq and ddq, and temperatures where there are some.
         triangles: Its rows, joint by joint, unweighted.
         covariance: Of its base parameters, shape (b, b).
     """
     states = _states(logs)
-    flat = states.transpose(1, 0, 2).reshape(states.shape[1], -1)
+    flat = states[:3].transpose(1, 0, 2).reshape(states.shape[1], -1)
     mean = flat.mean(axis=0)
     size = np.maximum(flat.std(axis=0), 1e-300)
     scaled = (flat - mean) / size
@@ -146,12 +150,12 @@ def departure_of(
     envelope: Envelope, logs: Sequence[Log], triangles: Sequence[Triangle], covariance: Array
 ) -> Departure:
     """Return how logs lie to an envelope; arguments as of :func:`envelope_of`."""
-    states = _states(logs)
-    low, high = envelope.low[:, None], envelope.high[:, None]
-    span = np.maximum(envelope.high - envelope.low, 1e-12)
+    states = _states(logs)[: len(envelope.low)]
+    low, high = envelope.low[: len(states), None], envelope.high[: len(states), None]
+    span = np.maximum((high - low)[:, 0], np.array([1e-12, 1e-12, 1e-12, LEAST_WARMTH])[: len(states), None])
     over = np.maximum(states - high, low - states)
     over = np.where(over > _ROUNDING * span[:, None], over, 0.0)
-    flat = states.transpose(1, 0, 2).reshape(states.shape[1], -1)
+    flat = states[:3].transpose(1, 0, 2).reshape(states.shape[1], -1)
     distance = np.linalg.norm((flat - envelope.mean) @ envelope.whitener, axis=1)
     bands = torque_bands(triangles, covariance)
     growth = np.divide(bands, envelope.bands, out=np.full(len(bands), np.nan), where=envelope.bands > 0) ** 2
@@ -176,6 +180,6 @@ def torque_bands(triangles: Sequence[Triangle], covariance: Array) -> Array:
 
 
 def _states(logs: Sequence[Log]) -> Array:
-    """Return positions, velocities and accelerations of all logs, shape (3, N, n)."""
-    parts = [np.stack([log.q, np.asarray(log.dq), np.asarray(log.ddq)]) for log in logs]
-    return np.concatenate(parts, axis=1)
+    """Return positions, velocities, accelerations, and temperatures where all logs have them, shape (3 or 4, N, n)."""
+    names = ("q", "dq", "ddq", *["temperature"] * all(log.temperature is not None for log in logs))
+    return np.concatenate([np.stack([np.asarray(getattr(log, name)) for name in names]) for log in logs], axis=1)

@@ -257,7 +257,8 @@ def _envelope(data: Mapping[str, Any], joints: int) -> Envelope | None:
     found = data.get("envelope")
     if found is None:
         return None
-    shapes = {"low": (3, joints), "high": (3, joints), "mean": (3 * joints,), "whitener": (3 * joints, 3 * joints)}
+    seen = (len(found["low"]), joints)
+    shapes = {"low": seen, "high": seen, "mean": (3 * joints,), "whitener": (3 * joints, 3 * joints)}
     arrays = {name: _array(found[name], shape, name) for name, shape in shapes.items()}
     return Envelope(**arrays, furthest=float(found["furthest"]), bands=_array(found["bands"], (joints,), "bands"))
 

@@ -167,8 +167,8 @@ def _torques(estimates: Sequence[Estimate], names: Sequence[str], seed: int) -> 
     if unknown:
         return None, f"{', '.join(unknown)}: the file does not state its training range; identify again"
     seen = [each.envelope for each in estimates if each.envelope is not None]
-    low = np.max([each.low for each in seen], axis=0)
-    high = np.min([each.high for each in seen], axis=0)
+    low = np.max([each.low[:3] for each in seen], axis=0)
+    high = np.min([each.high[:3] for each in seen], axis=0)
     if np.any(high < low):
         quantity, joint = np.unravel_index(int(np.argmin(high - low)), low.shape)
         return None, f"their logs have no {_QUANTITIES[quantity]} of {joints[joint]} in common"
