@@ -111,15 +111,25 @@ def test_a_warning_ends_at_a_whole_clause() -> None:
         "  torque signal and friction",
     ]
     assert short_answer.warning_lines([text], 80) == whole
-    short = ["warning: joint2: the model explains 40 %", "  of its variance (R2, mean) …"]
-    assert short_answer.warning_lines([text], 40) == short
-    assert short_answer.warning_lines([text], 34) == ["warning: joint2: the model", "  explains 40 % of its variance …"]
+    short = ["warning: joint2: the model", "  explains 40 % of its", "  variance (R2, mean) …"]
+    assert short_answer.warning_lines([text], 30) == short
     assert short_answer.warning_lines([80 * "x"], 20) == ["warning: xxxxxxxxxx…"]
 
 
-def test_warnings_are_two_lines_each_at_most_and_the_rest_is_counted() -> None:
+def test_a_warning_that_is_cut_keeps_what_to_do() -> None:
+    """The half with the cause had been cut at 80 columns."""
+    more = 40 * "some evidence "
+    text = f"joint2: the test residual is 97 times that of the training; {more}; 'dynident check' looks for it"
+    for width in (80, 120):
+        shown = short_answer.warning_lines([text], width)
+        assert len(shown) <= 3 and all(len(line) <= width for line in shown)
+        assert shown[0].startswith("warning: joint2: the test residual is 97 times")
+        assert " ".join(" ".join(shown).split()).endswith("training … 'dynident check' looks for it")
+
+
+def test_warnings_are_a_few_lines_each_at_most_and_the_rest_is_counted() -> None:
     lines = short_answer.warning_lines([f"warning number {k} " + 50 * "x" for k in range(7)], 40)
-    assert 5 <= len(lines) <= 9 and all(len(line) <= 40 for line in lines)
+    assert 5 <= len(lines) <= 13 and all(len(line) <= 40 for line in lines)
     assert lines[-1] == "and 3 more warnings"
 
 

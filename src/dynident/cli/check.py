@@ -133,10 +133,10 @@ def show(examination: Examination) -> None:
     told = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for word, count in counts.items() if count)
     console.answer(f"{examination.path}: {told or 'nothing found'}")
     for finding in alone:
-        console.answer(f"  {finding.severity}: {finding.label}: {finding.evidence}")
-        console.answer(f"    {finding.remedy}")
+        console.answer_text(f"  {finding.severity}: {finding.label}: {finding.evidence}")
+        console.answer_text(f"    {finding.remedy}")
         for rival in examination.findings:
             if rival.beside == finding.label and rival not in alone:
-                console.answer(f"    or {rival.label}: {rival.evidence.split(f'{rival.beside}: ')[-1]}")
+                console.answer_text(f"    or {rival.label}: {rival.evidence.split(f'{rival.beside}: ')[-1]}")
     if examination.left_out:
         console.answer(f"  {examination.left_out}")

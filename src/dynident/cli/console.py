@@ -60,6 +60,18 @@ def answer(text: str = "") -> None:
     _say(text, sys.stdout)
 
 
+def answer_text(text: str) -> None:
+    """Print a line of prose: on a terminal as lines that end between words, set in as it is; elsewhere as one line."""
+    if not sys.stdout.isatty():
+        answer(text)
+        return
+    from dynident.results.table_width import wrap_text
+
+    own = text[: len(text) - len(text.lstrip())]
+    for line in wrap_text(text.strip(), max(line_width() - len(own), 20), break_long_words=False) or [""]:
+        answer(own + line)
+
+
 def remark(text: str, quiet: bool = False) -> None:
     """Print a remark that is no answer."""
     if not quiet:

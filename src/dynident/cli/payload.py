@@ -96,6 +96,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -> None:
+    from dynident.applications.payload.statement import mass_doubt
     from dynident.applications.payload.vendor_forms import unplaced_step
     from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
@@ -117,7 +118,8 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
         Column("verdict"),
     )
     counted = f"{found.samples} rows" if found.rows == "motion" else f"{found.samples} postures"
-    console.answer(f"payload in {label(found.place)}; from {counted}\n")
+    console.answer_text(f"payload in {label(found.place)}; from {counted}")
+    console.answer()
     console.answer_table(Table(columns, tuple(rows)))
     console.answer("\nmoments are about the origin of the frame")
     if not weighed:
@@ -133,6 +135,8 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
             console.answer(f"  {name}: {text}")
     else:
         unknown = ", ".join(found.unknown)
-        console.answer(f"\nno form for controllers: {unknown} not determined well enough; {unplaced_step(found)}")
+        console.answer()
+        step = mass_doubt(found.mass) or unplaced_step(found)
+        console.answer_text(f"no form for controllers: {unknown} not determined well enough; {step}")
     for remark in found.remarks:
-        console.answer(f"remark: {remark}")
+        console.answer_text(f"remark: {remark}")

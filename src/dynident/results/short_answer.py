@@ -37,8 +37,8 @@ CURVE = "friction curve"
 #: Joints and warnings that one screen has room for.
 JOINTS, WARNINGS = 9, 4
 
-#: Lines of a warning at most.
-LINES = 2
+#: Lines of a warning at most, one more on a screen of less than so many columns.
+LINES, NARROW = 2, 120
 
 
 def error_lines(estimate: Estimate, test: Validation | None) -> list[str]:
@@ -231,21 +231,30 @@ def checks_line(estimate: Estimate) -> str:
 
 
 def warning_lines(warnings: Sequence[str], width: int) -> list[str]:
-    """Return warnings of two lines each at most, as many as a screen has room for; the last line counts the rest."""
+    """Return warnings of a few lines each, as many as a screen has room for; the last line counts the rest."""
     lines = [line for text in warnings[:WARNINGS] for line in _clauses(f"warning: {text}", width)]
     left = len(warnings) - WARNINGS
     return [*lines, f"and {counted(left, 'more warning')}"] if left > 0 else lines
 
 
 def _clauses(text: str, width: int) -> list[str]:
-    """Return as many whole clauses of a text as two lines have room for; one that has none is cut."""
-    ends = [match.start() for match in re.finditer(r"[;:,] |\. | \(", text)]
+    """Return as many whole clauses of a text as a few lines have room for: the first ones and the last.
+
+    The last, behind a semicolon, says what to do: evidence between is left out first. A clause without room is cut.
+    """
+    room = LINES if width >= NARROW else LINES + 1
+    ends = [(match.start(), match.end()) for match in re.finditer(r"[;:,] |\. | \(", text)]
     whole = [
-        text[:end] for end in ends if end > len("warning: ") and text.count("(", 0, end) == text.count(")", 0, end)
+        (start, end)
+        for start, end in ends
+        if start > len("warning: ") and text.count("(", 0, start) == text.count(")", 0, start)
     ]
-    for shown in (text, *(f"{kept} …" for kept in reversed(whole))):
+    heads = [text[:start] for start, _ in whole]
+    tails = [(start, text[end:]) for start, end in whole if text[start] == ";"]
+    both = [f"{head} … {tail}" for head in heads for start, tail in tails if len(head) < start]
+    for shown in (text, *sorted(both, key=len, reverse=True), *(f"{kept} …" for kept in reversed(heads))):
         lines = wrap_text(shown, width)
-        if len(lines) <= LINES:
+        if len(lines) <= room:
             return lines
     return [shorten(text, width)]
 

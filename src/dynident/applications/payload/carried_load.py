@@ -24,7 +24,7 @@ class LoadParameter:
         half_width: Half the width of its interval; infinite where it is not determined.
         unit: kg, kg m, kg m^2 or m.
         label: ``identified``, ``weak`` (the interval is wider than what payloads of its mass differ by),
-            ``not determined``, or ``impossible`` of a mass below 0.
+            ``not determined``, or ``impossible`` where the mass is below 0 for sure.
     """
 
     name: str

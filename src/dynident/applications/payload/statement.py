@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -88,6 +88,8 @@ def stated(
         _parameter(name, value, width, unit, SHARE * size)
         for name, value, width, unit, size in zip(TEN, found.ten, half, UNITS, sizes, strict=True)
     )
+    if parameters[9].label == IMPOSSIBLE:
+        parameters = tuple(replace(one, label=IMPOSSIBLE) if np.isfinite(one.half_width) else one for one in parameters)
     body, distance = _body(found, covariance)
     link, rotation, translation = found.place
     placement = np.eye(4)
@@ -123,7 +125,7 @@ def _parameter(name: str, value: float, half: float, unit: str, enough: float) -
     if not np.isfinite(half):
         return LoadParameter(name, np.nan, np.inf, unit, NOT_DETERMINED)
     if name == "m" and value <= 0:
-        return LoadParameter(name, float(value), float(half), unit, IMPOSSIBLE)
+        return LoadParameter(name, float(value), float(half), unit, IMPOSSIBLE if value + half < 0 else WEAK)
     return LoadParameter(name, float(value), float(half), unit, IDENTIFIED if half <= enough else WEAK)
 
 
