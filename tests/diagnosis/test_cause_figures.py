@@ -135,8 +135,8 @@ def test_a_rival_has_its_figure_about_the_bodies_beside_it() -> None:
     assert len(blame.rivals) == 1
 
     def doubled(cause: Cause, beta: Array, values: Array) -> Cause:
-        is_rival = cause.name == blame.rivals[0].cause.name
-        return replace(cause, columns=2.0 * cause.columns) if is_rival else cause
+        rival = blame.rivals[0].cause
+        return replace(cause, columns=2.0 * rival.columns) if cause.name == rival.name else cause
 
     for again, wanted in ((lambda cause, beta, values: cause, 1.0), (doubled, 0.5)):
         ((told,), _) = figured(search, blames, ModelError(4, [np.eye(count // 4)]), again)

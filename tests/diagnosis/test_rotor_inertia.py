@@ -84,15 +84,16 @@ def early(trial: Trial, joint: int, seconds: float) -> Trial:
 
 
 @pytest.mark.parametrize("seconds", [0.06, -0.06])
-@pytest.mark.parametrize("joint", [0, pytest.param(2, marks=pytest.mark.battery)])
+@pytest.mark.parametrize("joint", [0, 2])
 def test_a_torque_that_comes_early_is_a_delay_of_its_joint(
     joint: int, seconds: float, six: Case, tmp_path: Path
 ) -> None:
-    """It passed for a rotor inertia: a lead of the acceleration's own torque."""
+    """It passed for a rotor inertia: a lead of the acceleration's own torque. Viscous friction that leads as well is as
+    much more of it, and made 66 ms of 60."""
     found = early(virtual(six, 0), joint, seconds).examined(tmp_path).findings
     (delay,) = [one for one in found if one.name == "torque delay"]
     assert delay.joint == six.robot.joint_names[joint]
-    assert abs(delay.numbers["value"] + seconds) < max(delay.numbers["half_width"], 0.003)
+    assert abs(delay.numbers["value"] + seconds) < delay.numbers["half_width"] < 0.002
     assert "rotor inertia" not in [one.name for one in found]
 
 

@@ -31,6 +31,9 @@ PATIENCE_S, WORKERS_S = 10.0, 60.0
 #: Time in s without any worker after which a run is given up.
 LOST_S = 300.0
 
+#: Setting of Dask: after which time a local cluster gives up a worker that is started anew; 15 s are few under load.
+_LOST = "distributed.deploy.lost-worker-timeout"
+
 #: Time in s between two looks at the clocks of tasks.
 _LOOK = 0.2
 
@@ -92,10 +95,13 @@ class DaskPool(Pool):
         """
         check_time_limit(time_limit)
         cluster, client = _connected(self)
+        import dask.config
+
         try:
             _check_versions(client, self.scheduler)
             session = _Session(client, work, begins, news)
-            yield from session.run(iter(tasks), time_limit)
+            with dask.config.set({_LOST: LOST_S}):
+                yield from session.run(iter(tasks), time_limit)
         finally:
             client.close()
             if cluster is not None:

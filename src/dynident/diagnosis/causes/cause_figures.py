@@ -24,6 +24,9 @@ from dynident.diagnosis.causes.weighted_fit import Solved
 #: Causes whose torque follows the position of their joint.
 PULLS = ("spring", "counterbalance")
 
+#: Steps in which columns are made again for figures: what is late is known from the step before.
+STEPS = 3
+
 
 def figured(
     found: CauseSearch, blames: Sequence[Blame], error: ModelError, again: Callable[[Cause, Array, Array], Cause]
@@ -37,7 +40,7 @@ def figured(
         again: Makes the columns of a cause with the base parameters of a fit, shape (b,), and the cause's values.
     """
     rows = found.rows
-    causes, solved = about_their_bodies(rows, [blame.cause for blame in blames], again)
+    causes, solved = about_their_bodies(rows, [blame.cause for blame in blames], again, STEPS)
     errors = _errors(rows, causes, solved, error)
     numbers = [_number(found, blame.cause) for blame in blames]
     told = []
@@ -47,7 +50,7 @@ def figured(
             number, beside = _number(found, rival.cause), [*causes[:k], rival.cause, *causes[k + 1 :]]
             if number in others:
                 continue  # it was taken in later, and is told itself
-            beside, fit = about_their_bodies(rows, beside, again)
+            beside, fit = about_their_bodies(rows, beside, again, STEPS)
             columns = errors.with_columns(_columns(rows, beside, fit, error), np.sqrt(fit.variances))
             ((_, times),) = found.worths([(*others, number)])
             told_of = _figured(rival, fit, _places(rows, beside, k), columns.widening, times)
@@ -92,15 +95,17 @@ def _fit(rows: CauseRows, causes: Sequence[Cause]) -> Solved:
 
 
 def about_their_bodies(
-    rows: CauseRows, causes: list[Cause], again: Callable[[Cause, Array, Array], Cause]
+    rows: CauseRows, causes: list[Cause], again: Callable[[Cause, Array, Array], Cause], steps: int = 1
 ) -> tuple[list[Cause], Solved]:
     """Return causes with their columns made again with the bodies beside them, and the fit with these."""
     solved = _fit(rows, causes)
-    beta = solved.beta[: rows.size]
-    made = [again(cause, beta, solved.beta[_places(rows, causes, k)]) for k, cause in enumerate(causes)]
-    if all(new is old for new, old in zip(made, causes, strict=True)):
-        return causes, solved
-    return made, _fit(rows, made)
+    for _ in range(steps):
+        beta = solved.beta[: rows.size]
+        made = [again(cause, beta, solved.beta[_places(rows, causes, k)]) for k, cause in enumerate(causes)]
+        if all(new is old for new, old in zip(made, causes, strict=True)):
+            break
+        causes, solved = made, _fit(rows, made)
+    return causes, solved
 
 
 def _number(search: CauseSearch, cause: Cause) -> int:

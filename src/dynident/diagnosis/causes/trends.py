@@ -235,7 +235,7 @@ class Trends:
 
     @cached_property
     def _figured(self) -> tuple[tuple[Blame, ...], FitErrors]:
-        return figured(self._search, self._found, self._error, self._made_again)
+        return figured(self._search, self._found, self._error, self._late_with_friction)
 
     def _made_again(self, cause: Cause, beta: Array, values: Array) -> Cause:
         """Return a cause that acts on the motion about bodies of other base parameters, (b,), and its values, (k,)."""
@@ -246,6 +246,14 @@ class Trends:
         else:
             return cause
         return self._filtered([replace(cause, columns=column.columns, is_filtered=False)])[0]
+
+    def _late_with_friction(self, cause: Cause, beta: Array, values: Array) -> Cause:
+        """Return the same for figures: a delay of one joint moves its friction too, as a fit with it alone has that."""
+        if cause.name != DELAY:
+            return self._made_again(cause, beta, values)
+        alone = CauseSearch(self._rows, [cause]).fit([0]).beta[: self._rows.size]
+        motion = self._motion_of(beta, alone)
+        return self._filtered([self._by_motion(DELAY, cause.joint, motion, float(values[0]))])[0]
 
     def _by_motion(self, name: str, joint: str, motion: BodiesInMotion, value: float = 0.0) -> Cause:
         """Return a cause that acts on the motion of links, as a secant up to a value.
@@ -259,9 +267,10 @@ class Trends:
         column = make(self.fit.model.robot.joint_names.index(joint), value)
         return replace(_cause(name, joint, column), is_positive=name == ELASTIC)
 
-    def _motion_of(self, beta: Array) -> BodiesInMotion:
-        """Return the motion with the bodies of base parameters, shape (b,)."""
-        return BodiesInMotion.of_bodies(self.fit.regressor, self._log, self._bodies(beta))
+    def _motion_of(self, beta: Array, friction: Array | float = 0.0) -> BodiesInMotion:
+        """Return the motion with the bodies of base parameters, shape (b,), and the friction of others, or none."""
+        both = np.where(self.fit.base.is_friction, friction, beta)
+        return BodiesInMotion.of_bodies(self.fit.regressor, self._log, both)
 
     @cached_property
     def _motion(self) -> BodiesInMotion:
@@ -337,10 +346,6 @@ class Trends:
         """Return what a delay by 1 s adds to torques (N, n), as a straight line, of the same shape."""
         return -np.gradient(torque, np.asarray(self._log.time), axis=0)
 
-    def _bodies(self, beta: Array) -> Array:
-        """Return base parameters (b,) without friction."""
-        return np.where(self.fit.base.is_friction, 0.0, beta)
-
     def _at_joint(self, joint: int, values: Array) -> Array:
         """Return values (N,) as a torque of one joint, shape (N, n)."""
         column = np.zeros((len(values), self.fit.model.robot.dof))
@@ -360,7 +365,8 @@ class Trends:
     def _tilt(self, beta: Array) -> Cause:
         """Return the lean of the base about both axes across gravity; the first joint then carries its own link too."""
         gravity = np.asarray(self.fit.model.robot.gravity)
-        return _cause("tilt", "", *lean_torques(self.fit.gravity_observers, self._log, self._bodies(beta), gravity))
+        bodies = np.where(self.fit.base.is_friction, 0.0, beta)
+        return _cause("tilt", "", *lean_torques(self.fit.gravity_observers, self._log, bodies, gravity))
 
 
 def lean_torques(observers: Sequence[RegressorStream], log: Log, beta: Array, gravity: Array) -> Array:
