@@ -10,7 +10,7 @@ import scipy.signal
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_columns import CauseRows
-from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
+from dynident.diagnosis.causes.cause_search import FITTED, Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.noise_spectrum import NoiseSpectrum
 from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trend_findings import believed
@@ -86,6 +86,15 @@ def test_an_inertia_below_zero_is_no_cause() -> None:
     found = search(0.75 * (columns[1] - columns[0]), columns)
     found.causes = tuple(replace(cause, is_positive=True) for cause in found.causes)
     assert len(found.blames()) < 2
+
+
+def test_inertias_below_zero_leave_a_fit_to_the_others() -> None:
+    """More of them than are fitted in a round, each of which would take more off than what is there."""
+    first, second, *others = np.random.default_rng(7).normal(size=(2 + 2 * FITTED, 400, 2)) * [1.0, 0.0]
+    columns = np.stack([first + 0.6 * second, *(-first + 0.1 * other for other in others)])
+    found = search(0.5 * first, columns)
+    found.causes = tuple(replace(cause, is_positive=cause.name != "cause 0") for cause in found.causes)
+    assert [blame.cause.name for blame in found.blames()] == ["cause 0"]
 
 
 def test_a_cause_gives_way_to_those_that_it_stood_for() -> None:

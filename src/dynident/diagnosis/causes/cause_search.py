@@ -285,8 +285,8 @@ class CauseSearch:
     def falls(self, before: Solved, chosen: Sequence[int], more: Sequence[Sequence[int]]) -> Array:
         """Return by how much the weighted squares fall where each of m sets of causes is fitted as well, shape (m,).
 
-        Weights follow from the fit ``before`` with the ``chosen`` ones: its own are those of a pass earlier, which
-        nearly dependent columns do not forgive. ``more`` has the sets, causes by their numbers.
+        It is 0 where a coefficient has to be positive and is not. Weights follow from the fit ``before`` with the
+        ``chosen`` ones: its own are those of a pass earlier, which nearly dependent columns do not forgive.
         """
         columns, use = self.columns, self.used(chosen)
         new = np.arange(self.size, columns.sides.shape[1])
@@ -298,13 +298,13 @@ class CauseSearch:
         beyond = gram[known:, known:] - gram[known:, :known] @ along
         beyond += np.diag(1e-9 * sizes[known:] + 1e-300)
         rest, found = side[known:] - along.T @ side[:known], np.zeros(len(more))
+        positive = np.concatenate([np.full(len(cause.columns), cause.is_positive) for cause in self.causes])
         places = [np.concatenate([self._places[k] for k in causes]) - self.size for causes in more]
-        lengths = np.array([len(own) for own in places], dtype=np.int64)
-        for length in np.unique(lengths):
-            which = np.flatnonzero(lengths == length)
+        for length in {len(own) for own in places}:
+            which = [k for k, own in enumerate(places) if len(own) == length]
             own = np.stack([places[k] for k in which])
             solved = np.linalg.solve(beyond[own[:, :, None], own[:, None, :]], rest[own][:, :, None])[:, :, 0]
-            found[which] = np.sum(rest[own] * solved, axis=1)
+            found[which] = np.sum(rest[own] * solved, axis=1) * ~np.any(positive[own] & (solved < 0.0), axis=1)
         return found
 
     def _next(self, before: Solved, chosen: list[int], likely: bool = False) -> tuple[int, Solved, Blame] | None:
