@@ -12,7 +12,7 @@ from itertools import chain, combinations, pairwise
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.case.case import Case
 from dynident.data.motor_side import gears_of
 from dynident.diagnosis.causes.held_out import ReadRows
@@ -199,6 +199,7 @@ class PositionReadings:
         self.fit, self.made = fit, made
         self._names = fit.model.robot.joint_names
         self._products: dict[tuple[tuple[int, ...], tuple[float, ...]], Products] = {}
+        self._of_coupled: dict[tuple[int, int, float], Products] = {}
 
     def found(self, wrong: BoolArray, feeds: BoolArray) -> Iterator[Interpretation]:
         """Yield the readings under which the log agrees far better.
@@ -206,7 +207,8 @@ class PositionReadings:
         Pairs of positions are exchanged at ``wrong`` joints, shape (n,), and beside them, or those of neighbours where
         none is wrong, and all positions are read in another order or unit where half of the joints are wrong; a
         position of another sign may upset other joints alone, and mends friction that drives a joint, ``feeds`` (n,),
-        as a torque of another sign does. An axis that the robot model counts the other way turns both.
+        as a torque of another sign does. An axis that the robot model counts the other way turns both. Columns may be
+        those of coupled motors at ``wrong`` joints.
         """
         fit, names, joints = self.fit, self._names, len(self._names)
         near = wrong | np.append(wrong[1:], False) | np.append(False, wrong[:-1])
@@ -231,6 +233,10 @@ class PositionReadings:
             remedy = f"name the columns of positions and {fit.effort}s in the order of the joints (log: columns)"
             how = f"with their positions and {fit.effort}s {_in_words(names, order)},"
             yield from self._read(order, ones, "joint order", moved, remedy, how=how, mixing=fit.exchanged(order))
+        if np.array_equal(np.asarray(fit.model.robot.coupling), np.eye(joints)):
+            for joint, motor in pairwise(plain):
+                if (wrong[joint] or wrong[motor]) and turning[joint] and turning[motor]:
+                    yield from self._of_motors(joint, motor)
         if turning.all() and most:
             remedy = "state the unit in the case file (log: units: {position: deg})"
             yield from self._read(plain, np.deg2rad(ones), "positions in degrees", (), remedy)
@@ -255,6 +261,51 @@ class PositionReadings:
         if gain > least and not feeding(*fit.friction_power(solved)).any():
             reading = ReadRows(self._rows(*key), np.eye(len(factors)) if mixing is None else mixing)
             yield Interpretation(name, joints, gain, how, remedy, reading)
+
+    def _of_motors(self, joint: int, motor: int) -> Iterator[Interpretation]:
+        """Yield a log whose columns are those of motors, one of which turns with a joint before it as with its own.
+
+        So do the motors of a parallelogram. Friction acts at the speeds that were logged; positions and torques of the
+        joints follow from motor positions = C q and torques = C' tau of the motors.
+        """
+        fit, names = self.fit, self._names
+        for way in (1.0, -1.0):
+            coupling = np.eye(len(names))
+            coupling[motor, joint] = way
+            if (joint, motor, way) not in self._of_coupled:
+                self._of_coupled[joint, motor, way] = fit.products_of(self._coupled_rows(coupling))
+            solved = fit.solve(self._of_coupled[joint, motor, way], coupling.T)
+            gain, touched = fit.plain.score - solved.score, (joint, motor)
+            if gain <= GAIN + 1.0 or not _explained(fit, solved.variances, coupling.T, touched):
+                continue
+            if feeding(*fit.friction_power(solved)).any():
+                continue
+            how = (
+                f"with columns of motors, that of {names[motor]} turning {'with' if way > 0 else 'against'} "
+                f"{names[joint]} as well (position = C q, C' torque),"
+            )
+            stated = ", ".join(f"[{', '.join(f'{value + 0.0:g}' for value in row)}]" for row in coupling)
+            remedy = f"state the coupling of the motors, as of a parallelogram (coupling: [{stated}]; log: side: motor"
+            geared = any(one.drive.gear_ratio != 1.0 for one in fit.model.robot.active)
+            remedy += f"{', with gear_ratio: 1 where the columns are behind the gears' * geared})"
+            numbers = {f"entry {motor + 1}, {joint + 1}": way}
+            reading = ReadRows(self._coupled_rows(coupling), coupling.T)
+            yield Interpretation("coupling", tuple(names[i] for i in touched), gain, how, remedy, reading, numbers)
+
+    def _coupled_rows(self, coupling: Array) -> FitRows:
+        """Return the rows of a log of motors with a coupling (n, n): bodies at the joints, friction as logged."""
+        fit, blocks, columns = self.fit, list[Array](), list[IntArray]()
+        moved = fit.rows_of(replace(fit.log, q=np.asarray(fit.log.q) @ np.linalg.inv(coupling).T))
+        is_body = fit.base.independent < fit.model.inertial_count
+        for i, (block, own) in enumerate(zip(moved.blocks, moved.columns, strict=True)):
+            parts, places = [block[:, is_body[own]]], [own[is_body[own]]]
+            for k in np.flatnonzero(coupling[:, i]).tolist():
+                other = fit.rows.columns[k]
+                parts.append(coupling[k, i] * fit.rows.blocks[k][:, ~is_body[other]])
+                places.append(other[~is_body[other]])
+            blocks.append(np.hstack(parts))
+            columns.append(np.concatenate(places))
+        return replace(moved, blocks=tuple(blocks), columns=tuple(columns), masks=fit.rows.masks)
 
     def _rows(self, order: tuple[int, ...], factors: tuple[float, ...]) -> FitRows:
         """Return the rows with such positions: the same rows, or scores do not compare."""
