@@ -26,6 +26,11 @@ def trial(case: Case) -> Trial:
     return virtual(case, rate=50.0)
 
 
+@pytest.fixture(scope="module")
+def er16_trial() -> Trial:
+    return virtual(read_case("er16"))
+
+
 def told_units(finding: Finding) -> dict[str, list[str]]:
     """Return the units that a remedy states, as YAML reads them."""
     found = re.search(r"log: units: (\{.*?\})", finding.remedy)
@@ -46,9 +51,8 @@ def test_a_sign_is_mended_by_the_line_that_is_named(
     assert not [one for one in mended.examined(tmp_path).findings if one.severity != "note"]
 
 
-def test_a_scale_is_mended_by_the_line_that_is_named(tmp_path: Path) -> None:
-    trial = virtual(read_case("er16"))
-    faulty = put.scaled(trial, 1.5, 2)
+def test_a_scale_is_mended_by_the_line_that_is_named(er16_trial: Trial, tmp_path: Path) -> None:
+    faulty = put.scaled(er16_trial, 1.5, 2)
     (error,) = [one for one in faulty.examined(tmp_path).findings if one.severity == "error"]
     words = told_units(error)["torque"]
     assert [word for k, word in enumerate(words) if k != 2] == ["N m"] * 5
@@ -170,3 +174,25 @@ def test_currents_have_their_gains_turned_and_doubts_have_no_line(planar_2r: Rob
         finding("spikes", names[0]),
     ):
         assert with_case_line(doubt, columns, robot) is doubt
+
+
+@pytest.mark.parametrize(("joint", "is_deg"), [(0, False), (4, False), (4, True)])
+def test_the_unit_of_one_position_is_mended_by_the_line_that_is_named(
+    er16_trial: Trial, joint: int, is_deg: bool, tmp_path: Path
+) -> None:
+    right = er16_trial.without("dq")
+    units = ["rad"] * 6
+    if is_deg:
+        q = right.columns["q"].copy()
+        q[:, joint] = np.rad2deg(q[:, joint])
+        faulty = right.with_columns(q=q)
+    else:
+        units[joint] = "deg"
+        faulty = put.declared(right, position=tuple(units))
+    errors = [one for one in faulty.examined(tmp_path).findings if one.severity == "error"]
+    assert errors[0].name in ("position unit", "positions in degrees")
+    assert errors[0].joint == right.case.robot.joint_names[joint]
+    units[joint] = "deg" if is_deg else "rad"
+    assert told_units(errors[0]) == {"position": units if is_deg else "rad"}
+    mended = put.declared(faulty, position=tuple(units)).examined(tmp_path)
+    assert not [one for one in mended.findings if one.severity != "note"]

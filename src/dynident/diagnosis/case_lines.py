@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -33,7 +33,9 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot) -> Findin
     """
     if (stated := _stated(finding)) is not None:
         signal, unit = stated
-        line = f"log: units: {{{QUANTITY[signal]}: {_in_unit(signal, unit, columns, robot)}}}"
+        is_alone = finding.name == "position unit" or finding.numbers.get("alone")
+        only = finding.joint.split(", ") if is_alone else columns.joints
+        line = f"log: units: {{{QUANTITY[signal]}: {_in_unit(signal, unit, columns, robot, only)}}}"
         return replace(finding, remedy=f"state the unit in the case file ({line})")
     if finding.name == "position zero" and {finding.joint} <= set(columns.joints) and not finding.beside:
         line = _zeros(columns, {finding.joint: finding.numbers["value"]})
@@ -80,15 +82,18 @@ def _stated(finding: Finding) -> tuple[str, str] | None:
     """Return the signal and the unit that a finding tells of it; None where it tells none."""
     if finding.name == "velocity unit":
         return "dq", "mm/s" if finding.numbers["ratio"] > TURNED else "deg/s"
+    if finding.name == "position unit" and "factor" in finding.numbers:
+        factor = finding.numbers["factor"]
+        return "q", ("deg" if factor > 1e-2 else "mm") if factor < 1.0 else "rad" if factor < 100.0 else "m"
     words = {"positions in degrees": "deg", "positions in millimetres": "mm", "positions in radians": "rad"}
     return ("q", words[finding.name]) if finding.name in words else None
 
 
-def _in_unit(signal: str, unit: str, columns: ColumnMap, robot: Robot) -> str:
-    """Return the units of a signal where it is in a unit at all joints that may have it; signs that are stated stay."""
+def _in_unit(signal: str, unit: str, columns: ColumnMap, robot: Robot, only: Sequence[str]) -> str:
+    """Return the units of a signal where it is in a unit at joints that may have it; signs that are stated stay."""
     kind, plain = UNITS[QUANTITY[signal]][unit][1], []
     for name, count, own in _own_units(signal, columns, robot):
-        fits = any(joint.name == name and joint.kind == kind for joint in robot.active)
+        fits = name in only and any(joint.name == name and joint.kind == kind for joint in robot.active)
         plain.append(_counted(-1.0 if count < 0.0 else 1.0, unit) if fits else _counted(count, own))
     return plain[0] if len(set(plain)) == 1 else f"[{', '.join(plain)}]"
 

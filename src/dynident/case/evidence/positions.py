@@ -16,6 +16,9 @@ STILL = 1e-3
 #: Positions of a joint without limits beyond these, in rad and m, are of another unit: three turns, ten metres.
 LARGEST_TURN, LARGEST_SLIDE = 6 * np.pi, 10.0
 
+#: Travel in rad and m over a whole log below which the unit of a joint's positions may be another.
+LITTLE_TURN, LITTLE_SLIDE = 0.2, 5e-3
+
 #: Positions of fewer values than this over their range say little of a motion.
 FEW_VALUES = 64
 

@@ -9,11 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from itertools import chain, combinations, pairwise
+from types import MappingProxyType
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.case.case import Case
+from dynident.case.evidence.positions import LITTLE_SLIDE, LITTLE_TURN
 from dynident.data.motor_side import gears_of
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, in_order
@@ -32,6 +34,13 @@ FEEDS, FEEDS_SHARE = -6.0, -0.05
 
 #: Gain of the score from which a sign is turned at a joint that friction drives.
 FED = -0.5
+
+#: Other units of a position by the kind of the joint: the factor, its name, and the travel as read, in rad or m, that
+#: is no usual one: of a unit that makes it smaller from there on, of one that makes it larger up to there.
+UNITS: Mapping[str, tuple[tuple[float, str, float], ...]] = {
+    "revolute": ((np.pi / 180, "degrees", 2 * np.pi), (180 / np.pi, "radians", LITTLE_TURN)),
+    "prismatic": ((1e-3, "millimetres", 5.0), (1e3, "metres", LITTLE_SLIDE)),
+}
 
 
 @dataclass(frozen=True)
@@ -241,6 +250,19 @@ class PositionReadings:
             remedy = "state the unit in the case file (log: units: {position: deg})"
             yield from self._read(plain, np.deg2rad(ones), "positions in degrees", (), remedy)
 
+    def units(self) -> Iterator[Interpretation]:
+        """Yield the positions of single joints that travel oddly in another unit."""
+        ways, joints = np.ptp(np.asarray(self.fit.log.q), axis=0), self.fit.model.robot.active
+        for i in np.flatnonzero(ways):
+            for factor, unit, odd in UNITS[joints[i].kind]:
+                if ways[i] > odd if factor < 1.0 else ways[i] < odd:
+                    factors = np.where(np.arange(len(joints)) == i, factor, 1.0)
+                    remedy = "state the unit of its position (log: units: {position: [...]})"
+                    yield from self._read(
+                        tuple(range(len(joints))), factors, "position unit", (joints[i].name,), remedy, GAIN - 1.0,
+                        how=f"its position read in {unit},", numbers={"factor": factor},
+                    )  # fmt: skip
+
     def _read(
         self,
         order: tuple[int, ...],
@@ -251,6 +273,7 @@ class PositionReadings:
         least: float = GAIN + 1.0,
         how: str = "with it,",
         mixing: Array | None = None,
+        numbers: Mapping[str, float] = MappingProxyType({}),
     ) -> Iterator[Interpretation]:
         """Yield what columns of positions in an order, times ``factors`` (n,), explain, where that is enough."""
         fit, key = self.fit, (order, tuple(factors.tolist()))
@@ -260,7 +283,7 @@ class PositionReadings:
         gain = fit.plain.score - solved.score
         if gain > least and not feeding(*fit.friction_power(solved)).any():
             reading = ReadRows(self._rows(*key), np.eye(len(factors)) if mixing is None else mixing)
-            yield Interpretation(name, joints, gain, how, remedy, reading)
+            yield Interpretation(name, joints, gain, how, remedy, reading, numbers)
 
     def _of_motors(self, joint: int, motor: int) -> Iterator[Interpretation]:
         """Yield a log whose columns are those of motors, one of which turns with a joint before it as with its own.

@@ -8,7 +8,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.case.evidence.positions import LARGEST_SLIDE, LARGEST_TURN, STILL, is_plausible, is_within, travel
+from dynident.case.evidence.positions import (
+    LARGEST_SLIDE,
+    LARGEST_TURN,
+    LITTLE_SLIDE,
+    LITTLE_TURN,
+    STILL,
+    is_plausible,
+    is_within,
+    travel,
+)
 from dynident.data.formats._units import counted_unit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, listed
@@ -155,7 +164,16 @@ def _in_unit(subject: CheckedLog, word: str, joints: Sequence[str]) -> Finding:
     name = "positions in degrees" if word == "deg" else "positions in millimetres"
     explains = ("joint limits", "velocity mismatch", "velocity unit")
     remedy = f"state the unit in the case file (log: units: {{position: {word}}})"
-    return Finding("error", name, listed(joints), evidence, remedy, {"largest": largest}, explains)
+    numbers = {"largest": largest, "alone": float(_are_alone(subject, word, joints))}
+    return Finding("error", name, listed(joints), evidence, remedy, numbers, explains)
+
+
+def _are_alone(subject: CheckedLog, word: str, joints: Sequence[str]) -> bool:
+    """Return whether the other joints of the kind would hardly move if their positions were in this unit as well."""
+    kind, factor, least = ("revolute", np.pi / 180, LITTLE_TURN) if word == "deg" else ("prismatic", 1e-3, LITTLE_SLIDE)
+    robot, ways = subject.case.robot, travel(subject.sound.log.q)
+    others = [k for k, joint in enumerate(robot.active) if joint.kind == kind and joint.name not in joints]
+    return bool(others) and bool(np.all(factor * ways[others] < least))
 
 
 def _counts_turns(subject: CheckedLog) -> bool:

@@ -284,6 +284,7 @@ def _of_positions(positions: PositionReadings, feeds: BoolArray, everywhere: boo
     wrong = (positions.fit.relative > (POOR_OF_ANOTHER if everywhere else POOR)) | feeds
     if wrong.any() or everywhere:
         yield from positions.found(wrong, feeds)
+    yield from positions.units()
 
 
 def _torque_signs(fit: QuickFit, feeds: BoolArray) -> BoolArray:
