@@ -134,6 +134,18 @@ def test_a_fit_of_nothing_is_not_accepted(
     assert "nothing explained" in capsys.readouterr().err and not Path("out.csv").exists()
 
 
+@pytest.mark.parametrize(("factor", "is_wrong"), [(1 / 9.81, True), (1.3, False)])
+def test_masses_far_off_those_of_the_robot_model_are_not_accepted(
+    factor: float, is_wrong: bool, spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Torques in kgf m had passed as links of a tenth of their mass."""
+    recorded(spatial_3r, lambda log: replace(log, torque=factor * np.asarray(log.torque)))
+    assert main(["identify", "case.yaml", "run.csv", "-o", "e.json", *QUICK]) == 4 * is_wrong
+    shown = capsys.readouterr().out
+    assert is_wrong == ("error: run.csv: torque unit: the robot model predicts " in shown)
+    assert is_wrong == ("another unit (kgf m, log: units: {torque: 9.80665 N m})" in shown)
+
+
 def test_rows_far_out_that_a_robust_fit_leaves_out_do_not_speak_against_it(
     spatial_3r: Robot, recorded: Recorded
 ) -> None:

@@ -129,7 +129,8 @@ def bodies_line(estimate: Estimate) -> str:
         more = len(verdict.reasons) - 1
         reasons = f"{'; '.join(verdict.reasons[:1])}{f' and {more} more' if more > 0 else ''}"
         return f"links: physically INCONSISTENT: {reasons}"
-    line = f"links: physically consistent{plausible_words(Plausibility.of(estimate.run))}"
+    facts = Plausibility.of(estimate.run)
+    line = f"links: physically consistent{plausible_words(facts)}"
     changes = [each for each in link_changes(estimate) if min(each.mass) > 0]
     if not changes:
         return line
@@ -144,7 +145,8 @@ def bodies_line(estimate: Estimate) -> str:
     away = [each for each in told if not abs(each.mass[1] - each.mass[0]) <= widths.get(each.link, 0.0)]
     if not away:
         is_beyond = half is not None and abs(totals[1] - totals[0]) > half
-        return f"{line}; {whole}{_near_nominal(told, len(changes), is_beyond)}"
+        is_near = not any(one.is_relaxed and one.bound == "mass" for one in facts.contradicted) if facts else True
+        return f"{line}; {whole}{_near_nominal(told, len(changes), is_beyond) if is_near else ''}"
     furthest = max(away, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
     before, after = (format_number(mass, 3) for mass in furthest.mass)
     if furthest.link in widths:

@@ -25,6 +25,19 @@ from dynident.model.friction import Motion
 #: certain: no robot model is off by as much.
 FAR_OFF, SURE = 20.0, 0.9
 
+#: Units of torques, how a case states them, and their size in N m; factor within which the masses ask for one.
+TORQUES = (
+    ("N mm", "mN m", 1e-3),
+    ("N cm", "0.01 N m", 1e-2),
+    ("kgf cm", "0.0980665 N m", 0.0980665),
+    ("lbf in", "0.112985 N m", 0.112985),
+    ("kgf m", "9.80665 N m", 9.80665),
+)
+NEAR = 1.6
+
+#: Factor within which the joints ask for one scale: a wrong unit leaves 1.01, one body ten times too heavy 1.5.
+ALIKE = 1.3
+
 #: Ratio of the largest factor against these masses to the smallest from which the drives have factors of their own.
 APART = 1.5
 
@@ -155,7 +168,7 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies |
         )
         remedy = f"mounted upside down? state it (gravity: [{gravity}] in the frame of the base)"
         return [Finding("error", "mounting", "", evidence, remedy, {"correlation": alike}, CONSEQUENCES)]
-    return _other_units(fit) or _other_unit(ratio, alike, "the robot model")
+    return _other_units(fit) or _other_unit(ratio, alike, "the robot model", _are_alike(fit))
 
 
 def _other_units(fit: QuickFit) -> list[Finding]:
@@ -218,17 +231,25 @@ def _lifted(fit: QuickFit) -> list[Finding]:
     return found
 
 
-def _other_unit(ratio: float, alike: float, whose: str) -> list[Finding]:
+def _are_alike(fit: QuickFit) -> bool:
+    """Return whether most joints ask for one factor: one wrong body, or masses that are guessed, ask for several."""
+    ratios = nominal_ratios(fit, SURE**2)
+    logs = np.log(ratios[np.isfinite(ratios)])
+    return len(logs) >= max(3, fit.moves.sum() / 2) and bool(np.ptp(logs) < np.log(ALIKE))
+
+
+def _other_unit(ratio: float, alike: float, whose: str, are_alike: bool = False) -> list[Finding]:
     """Return that torques are in another unit than those of known bodies, where their ratio and correlation say so."""
     if alike < 0 or alike**2 < EXPLAINED or agrees(ratio):
         return []
     evidence = f"{whose} predicts {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"
+    near = [f"{name}, log: units: {{torque: {unit}}}" for name, unit, size in TORQUES if 1 / NEAR < size * ratio < NEAR]
     remedy = (
-        "another unit (log: units: {torque: mN m}), torques of the other side of the gears (log: side), or currents or "
-        "percent read as torques? name them so (log: columns: current and drives: gain)"
+        f"another unit ({' or '.join(near) or 'log: units'}), torques of the other side of the gears (log: side), or "
+        "currents or percent read as torques? name them so (log: columns: current and drives: gain)"
     )
     numbers = {"ratio": ratio, "correlation": alike}
-    if not 1 / FAR_OFF < ratio < FAR_OFF and alike > SURE:
+    if alike > SURE and (are_alike or not 1 / FAR_OFF < ratio < FAR_OFF):
         explains = tuple(name for name in CONSEQUENCES if name != "torque unit")
         return [Finding("error", "torque unit", "", evidence, remedy, numbers, explains)]
     return [Finding("warning", "torque unit", "", evidence, remedy, numbers)]
