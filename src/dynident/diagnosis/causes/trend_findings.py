@@ -57,6 +57,9 @@ CURVES = ("friction curve", "friction drift")
 #: Causes that are a sine and a cosine of the position.
 WAVES = ("counterbalance", RIPPLE)
 
+#: Half-width of an interval over the figure from which no part of a model is advised.
+OPEN = 0.5
+
 #: Gives the scale of a joint's torque; None where that is not looked for.
 ScaleOf: TypeAlias = Callable[[str], JointScale | None]
 
@@ -247,6 +250,11 @@ def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     dead = 0.0 - phase
     part = f"balancer: {{joints: [{blame.cause.joint}], dead_center: {dead:.2f}, vary: [ratio]}}"
     other = dead - np.copysign(np.pi, dead)
+    if half > OPEN * size:
+        step = (
+            "this log does not tell its size, nor would a balancer in the model: look at saturated torques and friction"
+        )
+        return evidence, f"{step} of this joint; positions over more of its range tell a spring"
     step = f"a spring or gas cylinder: add {part} to friction: (dead_center: {other:.2f} if it pushes)"
     return evidence, _of_stated_spring(blame, fit) or f"{step}; a body fixed to the link: correct the robot model"
 

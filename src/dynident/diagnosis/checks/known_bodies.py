@@ -108,8 +108,9 @@ def _load(blame: Blame, against: AgainstBodies) -> Finding:
     known = half <= abs(mass) <= against.masses.sum()  # no arm carries more than it weighs
     if not known:  # moments are sure, the mass is not
         strongest = int(np.argmax(blame.torque))
-        name = against.fit.model.robot.joint_names[strongest]
-        told = f"of {blame.torque[strongest]:.3g} N m (or N) rms at {name}, its mass is not determined"
+        felt = against.fit.model.robot.active[strongest]
+        unit = "N" if felt.kind == "prismatic" else "N m"
+        told = f"of {blame.torque[strongest]:.3g} {unit} rms at {felt.name}, its mass is not determined"
     place = f"at the flange{f' of the branch that ends in {joint}' * bool(joint)}"
     evidence = f"a load {place} {told} (t = {blame.certainty:.0f})"
     remedy = (

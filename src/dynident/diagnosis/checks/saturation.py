@@ -50,7 +50,7 @@ class Saturation(Check):
             return held
         where = "at its extreme" if flat >= limited else "within 0.5 % of its limit of effort"
         evidence = f"the torque is constant {where} in up to {100 * max(flat, limited):.2g} % of the rows"
-        remedy = "leave these rows out, or record a slower motion: the drive was saturated"
+        remedy = "record a slower motion: the drive was saturated; estimator: huber gives these rows little weight"
         numbers = {"share": max(flat, limited)}
         return [*held, Finding("warning", "torque saturation", listed(joints), evidence, remedy, numbers)]
 
