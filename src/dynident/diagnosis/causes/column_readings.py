@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from itertools import chain, combinations, pairwise
-from types import MappingProxyType
 
 import numpy as np
 
@@ -258,10 +257,10 @@ class PositionReadings:
                 if ways[i] > odd if factor < 1.0 else ways[i] < odd:
                     factors = np.where(np.arange(len(joints)) == i, factor, 1.0)
                     remedy = "state the unit of its position (log: units: {position: [...]})"
-                    yield from self._read(
-                        tuple(range(len(joints))), factors, "position unit", (joints[i].name,), remedy, GAIN - 1.0,
-                        how=f"its position read in {unit},", numbers={"factor": factor},
-                    )  # fmt: skip
+                    plain, how = tuple(range(len(joints))), f"its position read in {unit},"
+                    name = (joints[i].name,)
+                    for found in self._read(plain, factors, "position unit", name, remedy, GAIN - 1.0, how):
+                        yield replace(found, numbers={"factor": factor})
 
     def _read(
         self,
@@ -273,7 +272,6 @@ class PositionReadings:
         least: float = GAIN + 1.0,
         how: str = "with it,",
         mixing: Array | None = None,
-        numbers: Mapping[str, float] = MappingProxyType({}),
     ) -> Iterator[Interpretation]:
         """Yield what columns of positions in an order, times ``factors`` (n,), explain, where that is enough."""
         fit, key = self.fit, (order, tuple(factors.tolist()))
@@ -283,7 +281,7 @@ class PositionReadings:
         gain = fit.plain.score - solved.score
         if gain > least and not feeding(*fit.friction_power(solved)).any():
             reading = ReadRows(self._rows(*key), np.eye(len(factors)) if mixing is None else mixing)
-            yield Interpretation(name, joints, gain, how, remedy, reading, numbers)
+            yield Interpretation(name, joints, gain, how, remedy, reading)
 
     def _of_motors(self, joint: int, motor: int) -> Iterator[Interpretation]:
         """Yield a log whose columns are those of motors, one of which turns with a joint before it as with its own.

@@ -39,7 +39,7 @@ TAKEN = 0.1
 #: Half the change of the squared speed of a clock from which it is not told.
 FAR_CLOCK = 0.25
 
-#: Half-width of the interval of a figure as a share of it up to which it is a warning.
+#: Half-width of the interval of a figure as a share of it up to which it is a warning, and a counterbalance a part.
 NARROW = 0.5
 
 #: Standard deviations of its figure from which a cause is told beside another one, or against known bodies.
@@ -56,9 +56,6 @@ CURVES = ("friction curve", "friction drift")
 
 #: Causes that are a sine and a cosine of the position.
 WAVES = ("counterbalance", RIPPLE)
-
-#: Half-width of an interval over the figure from which no part of a model is advised.
-OPEN = 0.5
 
 #: Gives the scale of a joint's torque; None where that is not looked for.
 ScaleOf: TypeAlias = Callable[[str], JointScale | None]
@@ -250,11 +247,8 @@ def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     dead = 0.0 - phase
     part = f"balancer: {{joints: [{blame.cause.joint}], dead_center: {dead:.2f}, vary: [ratio]}}"
     other = dead - np.copysign(np.pi, dead)
-    if half > OPEN * size:
-        step = (
-            "this log does not tell its size, nor would a balancer in the model: look at saturated torques and friction"
-        )
-        return evidence, f"{step} of this joint; positions over more of its range tell a spring"
+    if half > NARROW * size:
+        return evidence, "the log does not tell its size, nor would a fit: look at saturation and friction there"
     step = f"a spring or gas cylinder: add {part} to friction: (dead_center: {other:.2f} if it pushes)"
     return evidence, _of_stated_spring(blame, fit) or f"{step}; a body fixed to the link: correct the robot model"
 
