@@ -151,6 +151,19 @@ def test_forces_of_slides_stay(tmp_path: Path) -> None:
     assert draft.recognition.units["torque"].certain and draft.recognition.units["torque"].text == "N"
 
 
+@pytest.mark.parametrize("hinges", [(), ("shoulder",), ("rail", "shoulder", "wrist")])
+def test_only_joints_that_turn_and_say_force_are_asked(
+    tmp_path: Path, scara: Robot, motion: dict[str, Array], hinges: tuple[str, ...]
+) -> None:
+    torque = [f"{joint}_{'force' if joint in ('elbow', *hinges) else 'torque'}" for joint in RAIL]
+    columns = named(motion, "t", {"q": [f"{joint}_pos" for joint in RAIL], "torque": torque})
+    unit = drafted(tmp_path, scara, columns).recognition.units["torque"]
+    if hinges:
+        assert not unit.certain and f"names say force, and {', '.join(hinges)} turn" in unit.why
+    else:
+        assert unit.certain and unit.text == "[N m, N m, N, N m]"
+
+
 def test_a_force_at_a_hinge_is_refused_in_a_case(tmp_path: Path) -> None:
     write_robot(tmp_path / "robot.json", read_robot("generic-6r"))
     for unit, fault in (("N", True), ("N m", False)):

@@ -28,7 +28,7 @@ from dynident.case.draft.signal_units import (
 from dynident.case.draft.stated_units import (
     as_header,
     column_groups,
-    is_force,
+    hinges_of_forces,
     stated_unit,
     unit_of_motors,
     units_in_names,
@@ -289,7 +289,7 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
         largest = np.abs(np.concatenate([r.signals["torque"] for r in found.readings])).max(axis=0)
         if count and not found.on_motors:
             told = torque_unit(joints, stated["torque"], ratios, telling, largest)
-            told = of_forces(told, joints, stated["torque"]) if is_force(found) else told
+            told = of_forces(told, hinges_of_forces(found), stated["torque"])
             if found.drivers_differ:  # what the profile says stands, unless the robot model's masses are against it
                 told = SignalUnit(units["torque"].words, told.certain or not any(telling), told.why)
             seen = np.abs(ratios[np.asarray(telling, bool)])

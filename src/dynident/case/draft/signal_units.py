@@ -183,13 +183,12 @@ def torque_unit(
     )
 
 
-def of_forces(told: SignalUnit, joints: Sequence[Joint], stated: str) -> SignalUnit:
-    """Return the unit of torques whose names say force, by ``N`` or in a word: asked where a joint turns."""
-    turning = [joint.name for joint in joints if joint.kind == "revolute"]
-    if not turning:
+def of_forces(told: SignalUnit, hinges: Sequence[str], stated: str) -> SignalUnit:
+    """Return the unit of torques, asked where the names of the columns of joints that turn, ``hinges``, say force."""
+    if not hinges:
         return told
-    said = f"{HEADER} N" if stated == "N" else "their names say force"
-    return SignalUnit((), False, f"{said}, and {few(turning, 4)} turn: {LEVER_ARM}; {told.why}")
+    said = f"{HEADER} N" if stated.startswith("N") else "their names say force"
+    return SignalUnit((), False, f"{said}, and {few(hinges, 4)} turn: {LEVER_ARM}; {told.why}")
 
 
 def _fits(q: Array, joints: Sequence[Joint], times: float = 1.0) -> bool:

@@ -42,11 +42,16 @@ def units_in_names(found: Recognised, signal: str) -> tuple[str, ...]:
     return next((g.units for g in column_groups(found) if g.names == columns), ())
 
 
-def is_force(found: Recognised) -> bool:
-    """Return whether the names of the columns of torques say force: by the unit N of all, or the word and no unit."""
-    stated = stated_unit(found, "torque")
-    words = {word for name in found.sources["torque"].columns for word in tokens_of(name)}
-    return stated == "N" or (not stated and bool(FORCE_WORDS & words))
+def hinges_of_forces(found: Recognised) -> list[str]:
+    """Return the joints that turn whose own columns of torque say force: by the unit N, or by the word and no unit."""
+    kinds, units = {joint.name: joint.kind for joint in found.robot.active}, units_in_names(found, "torque")
+    columns = found.sources["torque"].columns
+    each = units or (stated_unit(found, "torque"),) * len(columns)
+    return [
+        joint
+        for joint, name, unit in zip(found.joints.names, columns, each, strict=False)
+        if kinds[joint] == "revolute" and (unit == "N" or (not unit and FORCE_WORDS.intersection(tokens_of(name))))
+    ]
 
 
 def as_header(told: SignalUnit, units: tuple[str, ...]) -> SignalUnit:
