@@ -78,6 +78,8 @@ def meaning(name: str) -> Meaning:
         ("qfrc_actuator2", "torque", "", "", ""),
         ("contact_force_2", "torque", "model", "", ""),
         ("Zeitstempel [ms]", "time", "", "", "ms"),
+        ("EgmTime_ms", "", "", "", "ms"),
+        ("J1_motor_torque_pct", "torque", "", "motor", "percent"),
         ("Sollwinkel 3", "q", "commanded", "", ""),
         ("IstGeschwindigkeit_2", "dq", "measured", "", ""),
         ("blue3", "", "", "", ""),

@@ -177,6 +177,35 @@ def test_a_force_at_a_hinge_is_refused_in_a_case(tmp_path: Path) -> None:
             read_case(tmp_path / "case.yaml")
 
 
+@pytest.mark.parametrize("name", ["EgmTime_ms", "ctrlTime [ms]", "systime", "sim_time", "cycle_time_ms", "delta_time"])
+def test_clocks_of_something_are_the_time_and_durations_are_not(tmp_path: Path, name: str) -> None:
+    robot, motion = six()
+    is_clock, factor = not name.startswith(("cycle", "delta")), 1e3 if "ms" in name else 1.0
+    time = motion["time"] + 5.0 if is_clock else np.full(600, 0.01)
+    columns = {"SeqNo": np.arange(600.0) + 7, name: factor * time, **numbered(motion)}
+    del columns["t"]
+    found = drafted(tmp_path, robot, columns).recognition
+    assert found.time == (name if is_clock else "")
+    if is_clock:
+        assert found.units["time"].certain and found.units["time"].text == ("ms" if "ms" in name else "s")
+
+
+@pytest.mark.parametrize("where", ["", "motor_"])
+def test_torques_in_percent_ask_for_the_rated_ones_of_their_side(tmp_path: Path, where: str) -> None:
+    robot, motion = six()
+    columns = numbered(motion, torque=f"{where}torque{{}}_pct")
+    draft = drafted(tmp_path, robot, columns)
+    text = next(question.text for question in draft.needed if "rated torque" in question.text)
+    assert ("of each motor, before its gear" in text) == bool(where) and f"100 percent of {where}torque1_pct" in text
+    assert "torque: percent   # the header states percent" in draft.text and "zero:" not in draft.text
+    log = read(draft, tmp_path, {"rated torque": str([50.0] * 6)}).read(str(tmp_path / "run.csv"))
+    gears = [joint.drive.gear_ratio if where else 1.0 for joint in robot.active]
+    np.testing.assert_allclose(np.asarray(log.torque), 0.5 * motion["torque"] * gears)
+    del columns["t"]
+    unread = drafted(tmp_path, robot, {name: values.round(2) for name, values in columns.items()})
+    assert any("could not be looked at; likely percent" in question.text for question in unread.needed)
+
+
 def test_pressures_are_no_torques(tmp_path: Path, scara: Robot, motion: dict[str, Array]) -> None:
     columns = named(motion, "t", {"q": [f"{joint}_angle" for joint in RAIL]})
     for k, joint in enumerate(RAIL):

@@ -78,7 +78,7 @@ def test_a_table_of_bare_numbers_is_read_rightly(layout, arm: Robot, motion: dic
     [
         ("Current{}_%", "current", "drive gain", "the header states percent, gains are per percent"),
         ("MotStrom{}_mA", "current", "drive gain", "the header states mA, gains are per A"),
-        ("Drive{}_%", "torque", "the unit of Drive1_%", "the header states percent; rated torques are then needed"),
+        ("Drive{}_%", "torque", "stand for by the manual", "the header states percent"),
         ("Trq{}_Nm", "torque", "", "by the numbers in their names"),
         ("tau_est{}", "", "no torques", "not read: tau_est1"),
         ("Drive{}", "torque", "the unit of Drive1", "their names do not say torque"),

@@ -7,7 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from dynident.case.draft.column_words import OTHER, Meaning, meaning_of, split_unit, tokens_of, words_of
+from dynident.case.draft.column_words import (
+    OTHER,
+    SIGNAL,
+    UNIT_WORDS,
+    Meaning,
+    meaning_of,
+    split_unit,
+    tokens_of,
+    words_of,
+)
 from dynident.model.robot import Robot
 
 #: Numbers in one name that may be that of the joint; a name with more is no joint's.
@@ -136,6 +145,19 @@ def time_columns(header: Sequence[str]) -> list[str]:
         if words and len(words) == len(tokens) and meaning_of(words, unit).signal == "time":
             found.append((words[-2:] != ["header", "stamp"], len(words), name))
     return [name for *_, name in sorted(found, key=lambda item: item[:2])]
+
+
+def clock_columns(header: Sequence[str]) -> list[str]:
+    """Return the columns that a word for the time and others name, as ``EgmTime_ms``: clocks, commands or durations."""
+    found, container = [], _container(header)
+    for name in header:
+        base, unit = split_unit(name)
+        words = words_of(base, container)
+        told = meaning_of(words, unit)
+        words = words[:-1] if told.unit and not unit and words[-1] in UNIT_WORDS else words
+        if words and not told.signal and "time" in {SIGNAL.get(word) for word in (words[0], words[-1])}:
+            found.append(name)
+    return found
 
 
 def split_time(header: Sequence[str]) -> tuple[tuple[str, str], tuple[str, str]] | None:

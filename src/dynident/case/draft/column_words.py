@@ -10,7 +10,7 @@ from dataclasses import dataclass
 WORDS: Mapping[str, tuple[str, ...]] = {
     "time": (
         "t", "time", "timestamp", "timestamps", "stamp", "times", "timesec", "clock", "zeit", "zeitstempel", "uhrzeit",
-        "temps", "tiempo", "tempo", "tout", "时间", "時間",
+        "temps", "tiempo", "tempo", "tout", "elapsed", "时间", "時間",
     ),
     "q": ("q", "pos", "position", "positions", "theta", "angle", "angles", "ang", "qpos", "jpos", "winkel", "θ",
         "phi", "φ", "posizione", "posicion", "posición", "位置", "角度"),
@@ -75,8 +75,10 @@ _DERIVED = {"q": "dq", "dq": "ddq"}
 UNIT_WORDS: Mapping[str, str] = {
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m": "m", "mm": "mm",
     "rad/s": "rad/s", "rads": "rad/s", "deg/s": "deg/s", "degs": "deg/s", "m/s": "m/s", "mm/s": "mm/s", "nm": "N m",
-    "mnm": "mN m", "n": "N", "a": "A", "amp": "A", "amps": "A", "ma": "mA", "%": "percent", "percent": "percent",
-    "permille": "permille", "‰": "permille", "°": "deg", "°/s": "deg/s", "grad": "deg", "grad/s": "deg/s",
+    "mnm": "mN m", "n": "N", "a": "A", "amp": "A", "amps": "A", "ma": "mA",
+    **dict.fromkeys(("%", "percent", "pct", "prozent"), "percent"),
+    **dict.fromkeys(("permille", "promille", "‰"), "permille"),
+    "°": "deg", "°/s": "deg/s", "grad": "deg", "grad/s": "deg/s",
     "seconds": "s", "sek": "s", "msec": "ms",
     **dict.fromkeys(("rev", "revs", "turn", "turns", "umdr", "umdrehungen"), "360 deg"),
     **dict.fromkeys(("rpm", "rev/min", "u/min", "1/min", "min-1"), "6 deg/s"),
@@ -98,13 +100,14 @@ _UNIT_TELLS: Mapping[str, str] = {
 }  # fmt: skip
 
 #: Of these the words that have no other meaning in a name, so that a number may follow them.
-_PLAIN_UNITS = frozenset("rad deg rads degs mm nm mnm percent permille rev revs rpm".split())
+_PLAIN_UNITS = frozenset("rad deg rads degs mm nm mnm percent pct prozent permille promille rev revs rpm".split())
 
 _BRACKETED = re.compile(r"[\[({]\s*([^\[\](){}]*?)\s*[\])}]\s*$")
 
-#: Signs for units, which need no brackets, and words that have no other meaning at the end of a name.
+#: Signs for units, which need no brackets, and words that have no other meaning at the end of a name, also after NUL,
+#: which stands for a number.
 _SIGN = re.compile(r"[\s_.-]*([%‰°])\s*$")
-_LAST_WORD = re.compile(rf"(?<=[^\W_])[\s_.-]((?:(?i:{'|'.join(sorted(_PLAIN_UNITS))}))|N|A)$")
+_LAST_WORD = re.compile(rf"(?<=[^\W_]|\0)[\s_.-]((?:(?i:{'|'.join(sorted(_PLAIN_UNITS))}))|N|A)$")
 
 
 @dataclass(frozen=True)
@@ -126,11 +129,12 @@ class Meaning:
     strange: tuple[str, ...] = ()
 
 
-#: Words that German writes as one, and programs: a wanted or a measured value, that of a motor or of a joint.
+#: Words that German writes as one, and programs: a wanted or a measured value, that of a motor or of a joint, a clock.
 _WRITTEN_TOGETHER = re.compile(
     r"(?<![^\W\d_])(soll|ist|motor|gelenk|achs|antriebs)(?=(?:position|winkel|geschwindigkeit|drehmoment|moment|strom|wert)(?![^\W\d_]))"
     r"|(?<![^\W\d_])(act|actual|meas|cmd|des|ref|set|target|joint|axis|motor|drive)"
-    r"(?=(?:pos|position|angle|vel|velocity|speed|torque|trq|tau|force|cur|curr|current)(?![^\W\d_]))",
+    r"(?=(?:pos|position|angle|vel|velocity|speed|torque|trq|tau|force|cur|curr|current)(?![^\W\d_]))"
+    r"|(?<![^\W\d_])(?!time)[^\W\d_]{2,}(?=(?:time|stamp|timestamp)(?![^\W\d_]))",
     re.IGNORECASE,
 )
 
@@ -228,8 +232,8 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
             side = _SIDES[word]
         elif word not in NEUTRAL and not (word == "in" and words[k + 1 :] and words[k + 1] in UNIT_WORDS):
             strange.append(word)
-    if signal == "time" and (strange or kind not in ("", "measured")):
-        return Meaning("")
+    if signal == "time" and (strange or kind not in ("", "measured")):  # a clock of something, or a duration
+        return Meaning("", unit=unit)
     return Meaning(signal, kind, side, unit, tuple(strange))
 
 

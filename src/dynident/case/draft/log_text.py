@@ -10,8 +10,11 @@ from dynident.case.draft.column_words import is_pressure
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import has_counts, is_servo_log
+from dynident.case.draft.signal_units import SignalUnit
+from dynident.case.draft.stated_units import stated_unit, units_in_names
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.case.questions import MARK
+from dynident.data.formats._units import RATED
 
 #: What the signals are called in questions.
 _WORDS = {
@@ -33,7 +36,7 @@ def log_lines(found: Recognised) -> list[str]:
         lines.append(f"  {found.form}")
     if found.profiles:
         return [*lines, *_profile(found), *_profile_gaps(found), *_side(found), *_wrapped(found), *_repeats(found)]
-    return [*lines, *_columns(found), *_units(found), *_side(found), *_wrapped(found), *_repeats(found)]
+    return [*lines, *_columns(found), *_units(found), *_rated(found), *_side(found), *_wrapped(found), *_repeats(found)]
 
 
 def _repeats(found: Recognised) -> list[str]:
@@ -229,7 +232,7 @@ def _units(found: Recognised) -> list[str]:
             continue
         if told is None:
             if key in choices and (key != "torque" or found.effort == "torque" or "torque" in found.rivals):
-                lines.append(_unseen(key, choices[key]))
+                lines.append(_unseen(found, key, choices[key]))
             continue
         if told.certain:
             lines.append(f"    {key}: {told.text}   # {plain(told.why)}")
@@ -248,19 +251,38 @@ def _other_kind(found: Recognised, key: str) -> str:
     return "; or they are motor positions before the gears: then state side and gear_ratio" if key == "position" else ""
 
 
-def _unseen(key: str, choices: str) -> str:
+def _unseen(found: Recognised, key: str, choices: str) -> str:
     """Return the question for a unit of columns that the draft could not tell, or the default would be taken for it."""
     which = {"time": "the time", "position": "the positions", "torque": "the torques"}[key]
-    return asked(f"    {key}", f"the unit of {which} ({choices}): it could not be looked at")
+    signal = {"position": "q"}.get(key, key)
+    each = units_in_names(found, signal) if signal in found.sources else ()
+    likely = SignalUnit(each, False, "").text if each else stated_unit(found, signal) if signal in found.sources else ""
+    return asked(f"    {key}", f"the unit of {which} ({choices}): it could not be looked at", likely)
+
+
+def _rated(found: Recognised) -> list[str]:
+    """Return the question for the rated torques that shares of them need."""
+    unit = stated_unit(found, "torque") if found.effort == "torque" else ""
+    if unit not in RATED:
+        return []
+    source = found.sources["torque"]
+    whole = {"percent": "100 percent", "permille": "1000 permille"}[unit]
+    where = "motor, before its gear" if source.side == "motor" else "joint, after its gear"
+    text = f"the rated torque of each {where}, in N m (N of a slide): what {whole} of {source.shown()} stand for"
+    other = _other_kind(found, "torque") if found.structure is not None else ""
+    return [asked("  rated", f"{text} by the manual, a list of {len(source.columns)}{other}")]
 
 
 def _side(found: Recognised) -> list[str]:
     if not found.on_motors or found.profiles:
         return []
     sides = ", ".join(f"{signal}: motor" for signal in found.on_motors)
+    side = f"  side: {{{sides}}}   # by the names of the columns"
+    if "q" not in found.on_motors:
+        return [side]
     count = len(found.sources["q"].columns)
     zero = f"  # zero: [{', '.join(['0'] * count)}]"
     return [
-        f"  side: {{{sides}}}   # by the names of the columns",
+        side,
         offered(zero, "at which position, in rad or m, does each joint stand where its motor says 0?"),
     ]

@@ -37,7 +37,7 @@ from dynident.case.draft.stated_units import (
 from dynident.case.draft.stepping_joints import with_held, without_steps
 from dynident.case.draft.tied_columns import without_followers
 from dynident.case.draft.time_unit import time_unit_of, velocity_ratio
-from dynident.case.draft.unnamed_columns import by_structure, with_missing_signals, with_named_efforts
+from dynident.case.draft.unnamed_columns import by_structure, clock_by_values, with_missing_signals, with_named_efforts
 from dynident.case.draft.yaml_words import few, listed, quoted
 from dynident.case.evidence.positions import STILL, strays, travel
 from dynident.case.evidence.torques import torque_evidence
@@ -73,7 +73,7 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
     fits = [] if clock else fitting_profiles(header, robot.joint_names)  # a profile knows its column of the time
     fits = [fit for fit in fits if not profile or fit.name == profile]
     found = Recognised(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits))
-    found = _by_profile(found, fits) if fits else _by_names(found)
+    found = _by_profile(found, fits) if fits else _by_names(found, tables[0])
     if not fits and not {"q_ref", "torque", "current"} & (found.sources.keys() | found.rivals.keys()):
         found = by_commands(found)
     if not fits and "q" not in found.sources and "q" not in found.rivals:
@@ -142,9 +142,10 @@ def _by_profile(found: Recognised, fits: Sequence[ProfileFit]) -> Recognised:
     return replace(found, time=fit.profile.time, sources=sources, joints=joints, likely_effort=likely)
 
 
-def _by_names(found: Recognised) -> Recognised:
+def _by_names(found: Recognised, table: LogTable) -> Recognised:
     choice = choose_signals(groups_of_robot(found.header, found.robot), found.robot.dof)
     times = [found.time] if found.is_clocked else time_columns(found.header)
+    times = times or [clock_by_values(found.header, table)]
     sources = {
         signal: SignalSource.of_group(group) for signal, group in choice.groups.items() if signal not in choice.rivals
     }
@@ -164,7 +165,7 @@ def _by_names(found: Recognised) -> Recognised:
         found = replace(found, joints=choose_joints(found.robot, group, np.zeros((1, group.count))))
     return replace(
         found,
-        time=times[0] if times else "",
+        time=times[0],
         sources=sources,
         rivals=rivals,
         refused=choice.refused,
@@ -297,10 +298,9 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
                 told = replace(told, certain=False, why=f"{told.why}; their names do not say torque")
             units["torque"] = told
         elif "torque" not in units:
-            certain = stated["torque"] in ("N m", "N")
-            units["torque"] = SignalUnit(
-                ("SI",), certain, "the header states so" if certain else "no evidence in the log"
-            )
+            word = stated["torque"]
+            why = f"{HEADER} {word}" if word else "no evidence in the log"
+            units["torque"] = SignalUnit((word if word not in ("", "N m", "N") else "SI",), bool(word), why)
     return replace(found, units=units, evidence=evidence, sample=sample)
 
 

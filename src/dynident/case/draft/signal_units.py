@@ -12,7 +12,7 @@ from dynident.case.case_values import LEVER_ARM
 from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import STILL, is_plausible
 from dynident.case.evidence.torques import agrees
-from dynident.data.formats._units import counted_unit, unit_of
+from dynident.data.formats._units import RATED, counted_unit, unit_of
 from dynident.model.robot import Joint
 
 #: How the evidence begins where the name of a column has its unit.
@@ -165,10 +165,8 @@ def torque_unit(
         else "the robot model's masses give no evidence"
     )
     if stated:
-        if stated in ("percent", "permille"):
-            return SignalUnit(
-                (stated,) * len(joints), False, f"the header states {stated}; rated torques are then needed"
-            )
+        if stated in RATED:
+            return SignalUnit((stated,) * len(joints), True, f"{HEADER} {stated}")
         fitting = not len(seen) or agrees(middle * (1e-3 if stated == "mN m" else 1.0))
         words = si if stated in ("N m", "N") else (stated,) * len(joints)
         return SignalUnit(words, fitting, f"the header states {stated}; {why}")

@@ -7,16 +7,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.case.draft.column_groups import groups_of_robot, joint_columns
+from dynident.case.draft.column_groups import clock_columns, groups_of_robot, joint_columns
 from dynident.case.draft.column_words import ENABLED, is_pressure, tokens_of
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.signal_choice import choose_signals
-from dynident.case.draft.structure import ROWS, TableStructure, structure_of
+from dynident.case.draft.structure import ROWS, STANDS, TableStructure, structure_of
 from dynident.case.draft.yaml_words import listed
 from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import with_clock
 from dynident.errors import LogFormatError
+
+
+def clock_by_values(header: Sequence[str], table: LogTable) -> str:
+    """Return the first column that may be the time by its name and runs forward, as a duration does not; or empty."""
+    for name in clock_columns(header):
+        try:
+            values = next(table.batches([name], ROWS), np.empty((0, 1)))
+        except LogFormatError:
+            continue
+        if len(values) > 1 and np.mean(~(np.diff(values[:, 0]) > 0)) <= STANDS:
+            return name
+    return ""
 
 
 def by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recognised, Sequence[LogTable]]:

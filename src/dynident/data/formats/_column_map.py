@@ -213,7 +213,7 @@ class ColumnMap:
                 raise BadOption(name, list(numbers), f"give one number for each of the {count} joints")
         words = (self.units.torque,) if isinstance(self.units.torque, str) else self.units.torque
         if RATED.intersection(counted_unit(word)[1] for word in words) and not (self.rated and min(self.rated) > 0):
-            step = "state the rated torque of each joint in N m (log: {units: {torque: percent}, rated: [...]})"
+            step = "state the rated torque of each joint in N m, of each motor with side: motor (log: {rated: [...]})"
             raise BadOption("units.torque", words[0], step)
 
     def _check_measured(self) -> None:
