@@ -191,7 +191,11 @@ def test_make_from_text(family: Family[object]) -> None:
     [
         ("sides", "3.5", "sides = '3.5' is not possible; write a value of the kind int"),
         ("sides", "many", "sides = 'many' is not possible; write a value of the kind int"),
-        ("radius", "1,5", "radius = '1,5' is not possible; write a value of the kind float"),
+        (
+            "radius",
+            "1,5",
+            "radius = '1,5' is not possible; write a value of the kind float; write decimals with a point",
+        ),
         ("filled", "yes", "filled = 'yes' is not possible; write true or false"),
         ("radius", None, "radius is not given; give a value of the kind float"),
         ("colour", "1;2", "colour = '1;2' is not possible; write a value of the kind tuple[float, ...] | None"),

@@ -303,5 +303,6 @@ def _from_text(name: str, kind: str, text: str | None) -> Any:
             items = [item.strip() for item in word.strip("[]()").split(",")]
             return tuple(filter(None, items)) if kind.startswith("tuple[str") else tuple(map(float, items))
     except ValueError:
-        raise BadOption(name, text, f"write a value of the kind {kind}") from None
+        point = "; write decimals with a point" if "," in word and kind.startswith("float") else ""
+        raise BadOption(name, text, f"write a value of the kind {kind}{point}") from None
     return word

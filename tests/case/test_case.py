@@ -153,6 +153,11 @@ def test_all_joints_that_the_log_lacks_can_be_locked(write: Write) -> None:
     assert case.robot.joint_names == ("joint2",) and case.columns.joints == ("joint2",)
 
 
+@pytest.mark.parametrize("size", [0.0, 1.62, 9.81, 24.8])
+def test_any_planet_has_its_gravity(write: Write, size: float) -> None:
+    assert read_case(write(f"gravity: [0, 0, -{size}]")).robot.gravity[2] == -size
+
+
 def test_all_rows_can_be_kept(write: Write) -> None:
     assert read_case(write("preprocessing:", "  rate_hz: all")).preprocessing.rate_hz is None
     assert read_case(write("preprocessing:", "  rate_hz: null")).preprocessing.rows_hz(1e3) == 40  # as if left out
@@ -187,6 +192,8 @@ FAULTS = [
     ),
     (("friction:", "  - coulomb", "  - coulomb: {vary: speed}"), "friction.2: vary = 'speed'", "can vary: width"),
     (("friction:", "  - {coulomb: {}, viscous: {}}"), "neither a name nor one name with its options", "write name"),
+    (("gravity: [0, 0, -981]",), "line 3, gravity: a gravity of 981 m/s^2", "write it in m/s^2, such as [0, 0, -9.81]"),
+    (("preprocessing: {filter: {butterworth: {cutoff_hz: 5,2}}}",), "line 3: '2' is neither a key nor", "such as 5.2"),
     (("gravity: [0, 0]",), "line 3, gravity: 3 numbers are needed, not a list of 2", "write a list of 3 numbers"),
     (("gravity: [0, 0, down]",), "gravity.3: 'down' is not a number", "write one plain number"),
     (("locked: {joint9: 0}",), "locked: unknown key 'joint9'", "known keys: joint1, joint2, joint3"),

@@ -418,6 +418,10 @@ def test_a_joint_that_stands_is_locked_where_it_stands(
     assert f"locked: {{{name}: 0.7}}" in draft.text and f"# CHECK: {name} never moves" in draft.text
     case = read(draft, tmp_path, {"the unit of tau": "N m"})
     assert name not in case.robot.joint_names and case.locked == {name: 0.7}
+    q[:, 3] = 0.1
+    two = draft_case(arm, write_log(tmp_path / "two.csv", numbered({**motion, "q": q})), tmp_path)
+    both = f"{name}, {six.joint_names[3]} never move; they are locked where they stand"
+    assert [both in remark for remark in two.remarks].count(True) == 1 and "left out: 0% of" in two.text
 
 
 def test_fewer_columns_than_joints_ask_which_they_are(

@@ -171,7 +171,7 @@ def test_a_broken_cell_is_a_finding_and_cannot_be_fixed(tmp_path: Path, capsys: 
     log = tmp_path / "run.csv"
     log.write_text("t,q1,q2,q3,q4,tau1,tau2,tau3,tau4\n0,x,0,0,0,0,0,0,0\n", encoding="utf-8")
     assert main(["check", "generic-scara", str(log), "--quiet"]) == 1
-    assert "error: unreadable" in capsys.readouterr().out
+    assert "error: unreadable: line 2: " in capsys.readouterr().out
     assert main(["check", "generic-scara", str(log), "--quiet", "--fix", str(tmp_path / "out.csv")]) == 1
     assert not (tmp_path / "out.csv").exists()
 

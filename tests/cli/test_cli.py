@@ -429,6 +429,7 @@ UNUSABLE = [
     (["identify", "generic-7r", "run.csv"], "run.csv:1: no column 'q3'"),
     (["validate", "no.json", "run.csv"], "no.json: there is no such file; check the path"),
     (["validate", "run.csv", "run.csv"], "run.csv: line 1 is not JSON"),
+    (["validate", "case.yaml", "run.csv"], "a case file is identified first: dynident identify case.yaml -o ESTIMATE"),
     (["validate", "arm.json"], "LOG is not given; name the logs to compare with"),
     (["validate", "arm.json", "run.csv"], "arm.json: no estimate; give a file that 'dynident identify -o' has written"),
     (["report", "arm.json"], "arm.json: no estimate; give a file that 'dynident identify -o' has written"),

@@ -183,6 +183,7 @@ def test_declared_decimal_commas_are_read(tmp_path):
     assert log.source.steps == ("read as semicolon-separated text, decimal ','",)
 
 
+FIX = " ('dynident check' with --fix OUT.csv, of a few)"
 BACK = "split the log there, or sort its rows if they are only out of order"
 AGAIN = "'dynident check' with --fix OUT.csv leaves a few out; of many write the time with more digits"
 FAULTS = [
@@ -214,15 +215,15 @@ FAULTS = [
     ),
     (
         edited(4, "0.02,1,,3,4"),
-        "4: column 'q2' holds no number (blank or nan); repair the recording or leave these rows out",
+        "4: column 'q2' holds no number (blank or nan); repair the recording or leave these rows out" + FIX,
     ),
     (
         edited(4, "0.02,1,nan,3,4"),
-        "4: column 'q2' holds no number (blank or nan); repair the recording or leave these rows out",
+        "4: column 'q2' holds no number (blank or nan); repair the recording or leave these rows out" + FIX,
     ),
     (
         [*edited(4, "0.02,1,2,inf,nan"), "# note", "0.5,nan,2,3,4"],
-        "4: column 'tau1' holds inf (3 such cells in 2 rows); repair the recording or leave these rows out",
+        "4: column 'tau1' holds inf (3 such cells in 2 rows); repair the recording or leave these rows out" + FIX,
     ),
     (
         edited(5, "0.03,1,2,3"),

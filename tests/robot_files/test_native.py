@@ -89,6 +89,11 @@ def test_round_trip_is_exact(robot: Robot) -> None:
     assert (back.name, back.base, back.tool, back.note) == (robot.name, robot.base, robot.tool, robot.note)
 
 
+def test_an_estimate_is_no_robot() -> None:
+    with pytest.raises(DescriptionError, match=f"kind is 'dynident estimate', not 'dynident-robot'.*{GIVE}"):
+        robot_from_dict({"kind": "dynident estimate"})
+
+
 @pytest.mark.parametrize("shipped", shipped_robots())
 def test_json_file_reads(shipped: str, tmp_path: Path) -> None:
     data = robot_to_dict(read_robot(shipped))
@@ -99,9 +104,10 @@ def test_json_file_reads(shipped: str, tmp_path: Path) -> None:
 
 #: Where the data of the SCARA are changed (a missing value: removed), and the message after the file name.
 MISSING = object()
+GIVE = "or a robot that dynident has written; validate, predict, report and export read estimates"
 FAULTS: dict[str, tuple[list[str | int], Any, str]] = {
-    "schema": (["schema"], "other", "schema is 'other', not 'dynident-robot'; give a robot that dynident has written"),
-    "no schema": (["schema"], MISSING, "schema is None, not 'dynident-robot'; give a robot that dynident has written"),
+    "schema": (["schema"], "other", "schema is 'other', not 'dynident-robot'; give a case, " + GIVE),
+    "no schema": (["schema"], MISSING, "it states no schema; give a case, " + GIVE),
     "version": (
         ["version"],
         99,
@@ -112,7 +118,7 @@ FAULTS: dict[str, tuple[list[str | int], Any, str]] = {
         1,
         (
             "unknown key 'gravty'; known keys: schema, version, name, base, gravity, links, joints, frames, "
-            "tool, coupling, note, base_shapes; did you mean 'gravity'?"
+            "tool, coupling, note, base_shapes, held; did you mean 'gravity'?"
         ),
     ),
     "no name": (["name"], MISSING, "name: is missing; add it"),

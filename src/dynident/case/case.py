@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dynident.case.acceptance import CRITERIA, Acceptance, acceptance_of
-from dynident.case.case_values import find_file, guarded, model_place, part_of, robot_named, texts
+from dynident.case.case_values import find_file, gravity_of, guarded, model_place, part_of, robot_named, texts
 from dynident.case.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.case.constraints_file import constraints_of
 from dynident.case.log_section import led_by_joints, read_columns
@@ -297,7 +297,7 @@ def _servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup | No
 def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
     """Apply gravity, limits, drives, coupling and locked joints, in this order; return also the locked positions."""
     if top.has("gravity"):
-        robot = robot.with_gravity(top.numbers("gravity", 3))
+        robot = robot.with_gravity(gravity_of(top))
     names = robot.joint_names
     positions = _locked(top, names)
     if top.has("limits"):

@@ -303,10 +303,10 @@ def _remarks(found: Recognised) -> list[str]:
         q = (q * position_factors(told, q.shape[1]))[:, order]
         outside = outside_limits(moving.active, q)
         remarks += [f"{text}: check units, sign and order of the columns" for text in outside]
-    for name in found.still:
-        remarks.append(
-            f"{name} never moves; it is locked where it stands; record a motion of all joints to identify it"
-        )
+    if still := list(found.still):
+        one, many = "never moves; it is locked where it stands", "never move; they are locked where they stand"
+        step = "record a motion of all joints to identify all"
+        remarks.append(f"{few(still)} {many if len(still) > 1 else one}; {step}")
     for name, (_, count) in found.stepping.items():
         what = f"{name} jumps between {count} positions, of which no acceleration can be made: its columns are not read"
         remarks.append(f"{what}, and it is locked in their middle")

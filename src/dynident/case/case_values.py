@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Callable, Mapping
@@ -21,6 +22,9 @@ LEVER_ARM = (
     "lever arm), or describe the cylinders as joints that slide"
 )
 
+#: Gravity in m/s^2 that is more than that of any planet: it is in another unit.
+_MOST_GRAVITY = 30.0
+
 #: A product with pi.
 _PRODUCT = re.compile(r"[\d\s.*/+-]*\bpi\b[\d\s.*/+-]*")
 
@@ -28,6 +32,18 @@ Made = TypeVar("Made")
 
 #: The folder under which logs and robots are looked for when they are neither beside the case file nor where it says.
 DATA_VARIABLE = "DYNIDENT_DATA"
+
+
+def gravity_of(top: Section) -> tuple[float, ...]:
+    """Return the stated gravity in m/s^2.
+
+    Raises:
+        DescriptionError: It is no vector, or larger than that of any planet.
+    """
+    gravity = tuple(top.numbers("gravity", 3))
+    if (size := math.hypot(*gravity)) > _MOST_GRAVITY:
+        raise top.place("gravity").error(f"a gravity of {size:.4g} m/s^2", "write it in m/s^2, such as [0, 0, -9.81]")
+    return gravity
 
 
 def texts(section: Section, key: str) -> tuple[str, ...]:

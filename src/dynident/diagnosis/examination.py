@@ -125,7 +125,8 @@ def examine_logs(
             recordings.append(read_recording(case, name))
             tests.append(_is_among(case, name, case.test) and not _is_among(case, name, case.train))
         except (LogFormatError, LogMismatch) as error:
-            finding = Finding("error", "unreadable", "", error.evidence, error.step)
+            line = f"line {error.line}: " if isinstance(error, LogFormatError) and error.line else ""
+            finding = Finding("error", "unreadable", "", f"{line}{error.evidence}", error.step)
             left_out = "no check was made, the file is no table of the case"
             unreadable[k] = Examination(str(case.find(name)), (finding,), left_out)
     unnamed = [one for one in case.train if not _is_among(case, one, names)]

@@ -94,6 +94,9 @@ def _plain(path: object, node: yaml.Node, key: str, lines: dict[str, int]) -> ob
             evidence = f"the key {shown(name.value)} is there twice"
             raise Place(path, f"line {line}").error(evidence, "keep one of the two")
         mapping[name.value] = _plain(path, item, _join(key, name.value), lines)
+        if mapping[name.value] is None and name.value.isdigit() and not item.value:
+            evidence = f"{shown(name.value)} is neither a key nor a value"
+            raise Place(path, f"line {line}").error(evidence, "write decimals with a point, such as 5.2")
         lines[_join(key, name.value)] = line  # where the key stands; its value may begin below
     return mapping
 

@@ -337,15 +337,20 @@ def _bridged(found: Recognised) -> list[str]:
 
 
 def _rest_share(found: Recognised) -> float:
-    """Return the share of the rows in which a joint rests, over all joints."""
+    """Return the share of the rows in which a joint rests, over all joints that are not locked."""
     reading = found.readings[0]
     time = reading.time * found.to_seconds
     even = np.linspace(time[0], time[-1], min(len(time), 20_000))
     positions = reading.signals["q"]
     factors = position_factors(found.units["position"], positions.shape[1])
     q = np.column_stack([np.interp(even, time, column) for column in positions.T]) * factors
-    slowest = _STANDSTILL if found.moving is None else rest_speeds(found.moving, _STANDSTILL)
-    return float(at_rest(np.gradient(q, even[1] - even[0], axis=0), slowest, 1 / (even[1] - even[0])).mean())
+    names, step = found.joints.names, even[1] - even[0]
+    slowest = np.full(q.shape[1], _STANDSTILL)
+    if found.moving is not None and len(names) == len(slowest):
+        slowest = rest_speeds(found.moving, _STANDSTILL)[[found.moving.joint_names.index(name) for name in names]]
+    held = found.still.keys() | found.stepping.keys() | found.without_effort.keys()
+    free = [k for k in range(len(slowest)) if len(names) != len(slowest) or names[k] not in held]
+    return float(at_rest(np.gradient(q, step, axis=0), slowest, 1 / step)[:, free].mean()) if free else 1.0
 
 
 def _data(found: Recognised, files: Files) -> list[str]:

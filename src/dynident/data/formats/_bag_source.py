@@ -179,7 +179,8 @@ def bag_source(path: str | Path, distro: str, salvage: bool) -> BagSource:
         return BagSource(str(path), place, distro)
     if not salvage:
         evidence = f"'{cut[0].name}' is cut: it has no end"
-        step = "read what is there with format: {rosbag: {salvage: true}}"
+        step = "read what is there with --format rosbag --format-option salvage=true, in a case with format: "
+        step += "{rosbag: {salvage: true}}"
         raise LogFormatError(path, None, evidence, step)
     if len(pieces) > 1:
         raise LogFormatError(path, None, f"'{cut[0].name}' of {len(pieces)} files is cut", "give the files one by one")

@@ -30,6 +30,7 @@ LARGE = 512 << 20
 TOO_LARGE = "reduce it as a stream: dynident reduce CASE LOG -o part.tri"
 
 #: What to do where rows have the time of the row before, and where they have its values as well.
+_NOT_FINITE = "repair the recording or leave these rows out ('dynident check' with --fix OUT.csv, of a few)"
 _SAME_TIME = "'dynident check' with --fix OUT.csv leaves a few out; of many write the time with more digits"
 _REPEATED = "they are the same in all that is read: have them left out (log: {repeats: drop})"
 
@@ -224,7 +225,7 @@ class Checked:
             many = f" ({bad.sum()} such cells in {bad.any(axis=1).sum()} rows)" if bad.sum() > 1 else ""
             cell = "no number (blank or nan)" if np.isnan(values[row, column]) else f"{values[row, column]:g}"
             evidence = f"column '{shown(self._names[column])}' holds {cell}{many}"
-            raise self._table.fault(self.rows + row, evidence, "repair the recording or leave these rows out")
+            raise self._table.fault(self.rows + row, evidence, _NOT_FINITE)
 
     def _check_time(self, time: Array, values: Array) -> None:
         """Refuse time that runs back or stands still, also from the block before to this one."""

@@ -159,6 +159,8 @@ def read_estimate(path: str | Path) -> Estimate:
         EstimateFormatError: It is no estimate, damaged, or of another format.
     """
     step = "give a file that 'dynident identify -o' has written"
+    if str(path).lower().endswith((".yaml", ".yml")):
+        step = f"a case file is identified first: dynident identify {path} -o ESTIMATE.json"
     data = read_json(path, step, EstimateFormatError)
     if not isinstance(data, dict) or data.get("kind") != KIND:
         raise EstimateFormatError(path, "no estimate", step)

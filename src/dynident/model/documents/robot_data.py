@@ -76,8 +76,10 @@ def robot_from_dict(data: object, path: object = "robot") -> Robot:
             counted from 1.
     """
     if isinstance(data, Mapping) and data.get("schema") != SCHEMA:
-        evidence = f"schema is {shown(data.get('schema'))}, not {shown(SCHEMA)}"
-        raise DescriptionError(path, "", evidence, "give a robot that dynident has written")
+        key = next((key for key in ("schema", "kind") if key in data), "")
+        evidence = f"{key} is {shown(data[key])}, not {shown(SCHEMA)}" if key else "it states no schema"
+        step = "give a case, or a robot that dynident has written; validate, predict, report and export read estimates"
+        raise DescriptionError(path, "", evidence, step)
     if isinstance(data, Mapping):
         data = VERSIONS.migrated(data, lambda evidence, step: DescriptionError(path, "", evidence, step))
     top = Section.top(path, data, _ROBOT)
