@@ -79,8 +79,12 @@ def test_the_finger_with_the_drive_stays_and_two_drives_are_told(
     assert not any("moves on its own" in told or "both have" in told for told in draft.remarks)
     both = {**motion, "torque": motion["torque"][:, [0, 1, 2, 2]]}
     draft = drafted(tmp_path, arm, both, "lr", "lr")
-    (told,) = [remark for remark in draft.remarks if "both have torques" in remark]
-    assert "torque of finger_r + -0.5 torque of finger_l" in told
+    (asked,) = [question.text for question in draft.needed]
+    total = "finger_r.effort - 0.5 * finger_l.effort"
+    assert "forces of drives of their own" in asked and f"'{total}']" in asked and "finger_r.effort] " not in asked
+    answers = {"drives of their own": f"[shoulder.effort, elbow.effort, {total}]"}
+    log = read(draft, tmp_path, answers).read(str(tmp_path / "log.csv"))
+    np.testing.assert_allclose(np.asarray(log.torque)[:, 2], (1.0 + RATIO) * motion["torque"][:, 2])
 
 
 @pytest.mark.parametrize("swapped", [False, True])
@@ -94,6 +98,18 @@ def test_numbered_columns_of_all_joints_leave_out_the_follower(
     assert case.columns.joints == (*ARM, f"finger_{'r' if swapped else 'l'}")
     assert case.columns.q is not None and case.columns.q[-1] == ("qpos4" if swapped else "qpos3")
     assert draft.recognition.joints.certain
+
+
+def test_forces_of_mujoco_at_both_fingers_are_summed(tmp_path: Path, arm: str, motion: dict[str, Array]) -> None:
+    """A tendon over both fingers: by virtual work the joint that leads has the force of each times its ratio."""
+    forces = np.column_stack([motion["torque"][:, :3], 0.7 * motion["torque"][:, 2]])
+    names = {"q": [f"qpos{k}" for k in range(1, 5)], "torque": [f"qfrc_actuator{k}" for k in range(1, 5)]}
+    log = write_log(tmp_path / "log.csv", named({**motion, "torque": forces}, "time", names))
+    case = read(draft := draft_case(arm, log, tmp_path), tmp_path)
+    assert not draft.needed and "qfrc_actuator4 - 0.5 * qfrc_actuator3" in draft.text and "not read" not in draft.text
+    assert case.columns.joints == (*ARM, "finger_r")
+    found = case.read(log)
+    np.testing.assert_allclose(np.asarray(found.torque)[:, 2], forces[:, 3] + RATIO * forces[:, 2])
 
 
 def test_numbered_columns_that_do_not_follow_are_asked(tmp_path: Path, arm: str, motion: dict[str, Array]) -> None:

@@ -41,6 +41,22 @@ def test_rows_at_a_rate_are_those_with_a_time(suffix: str, columns: dict[str, np
     assert np.array_equal(read_log(written).time, log.time)
 
 
+@pytest.mark.parametrize(("name", "factors"), [("tau1 + 0.5 * tau2", (1, 0.5)), ("2e-1 * tau1 - tau2", (0.2, -1))])
+def test_a_torque_may_be_the_sum_of_columns(
+    name: str, factors: tuple[float, float], columns: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    path = tmp_path / "run.csv"
+    np.savetxt(path, np.hstack(list(columns.values())), "%.17g", ",", header="q1,q2,tau1,tau2", comments="")
+    summed = replace(RATE, q=("q1",), torque=(name,))
+    log, stream = read_log(path, summed), stream_log(path, summed, folder=tmp_path)
+    np.testing.assert_allclose(np.asarray(log.torque)[:, 0], columns["tau"] @ factors, rtol=1e-12, atol=1e-15)
+    blocks = list(stream.blocks(64))
+    stream.close()
+    assert np.array_equal(np.concatenate([np.asarray(each.torque) for each in blocks]), np.asarray(log.torque))
+    with pytest.raises(LogFormatError, match=r"no column 'tau1 \+ tau9'"):
+        read_log(path, replace(summed, torque=("tau1 + tau9",)))
+
+
 def test_a_rate_has_no_unit_and_is_one(columns: dict[str, np.ndarray], tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
     np.savez(path, **columns)  # type: ignore[arg-type]

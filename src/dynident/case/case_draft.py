@@ -27,7 +27,7 @@ from dynident.case.draft.recognise import cutoff_of, recognised
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import is_servo_log, servo_remark
 from dynident.case.draft.signal_units import position_factors
-from dynident.case.draft.tied_columns import led_by_columns
+from dynident.case.draft.tied_columns import led_by_columns, with_sums
 from dynident.case.draft.yaml_words import few
 from dynident.case.questions import Question, questions_in
 from dynident.data.formats import FORMATS, LARGE, LogFormat, LogTable, bytes_of
@@ -126,8 +126,8 @@ def draft_case(
         tables = [with_clock(table, clock, rate_hz) for table in tables]
     elif not fitting_profiles(tables[0].header, described.joint_names):
         tables = _summed(tables)
-    described, ties = led_by_columns(described, tables[0])
-    found = recognised(described, tables, profile)
+    described, ties, pairs = led_by_columns(described, tables[0])
+    found = with_sums(recognised(described, tables, profile), pairs)
     if profile and not found.profiles:
         reads = ", ".join(channel.pattern for channel in PROFILES.make(profile).read_channels().values())
         step = f"it reads {PROFILES.make(profile).time}, {reads}, for each joint of the robot; leave the profile out"

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
-from dynident.data.formats._clocked_table import clocked
+from dynident.data.formats._clocked_table import with_made
 from dynident.data.formats._column_map import ColumnMap
 from dynident.data.formats._text_header import cells_of, delimiter_of
 from dynident.data.formats._text_table import TextTable, stamped
@@ -37,7 +37,7 @@ def live_rows(lines: Iterable[str], columns: ColumnMap) -> Iterator[Log]:
     texts = [header[1].removeprefix("\ufeff").strip(), first[1].strip()]
     sign = delimiter_of(texts, columns.decimal, None)
     names, cells = ([cell.strip() for cell in cells_of(text, sign)] for text in texts)
-    table = clocked(_LiveTable(
+    table = with_made(_LiveTable(
         path=NAME, sha256="", header=tuple(names), how="text", line=header[0], time_stamps=stamped(names, cells),
         delimiter=sign, decimal=columns.decimal, before=header[0], rest=chain((first,), told),
     ), columns)  # fmt: skip

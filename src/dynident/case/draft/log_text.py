@@ -14,6 +14,7 @@ from dynident.case.draft.signal_units import SignalUnit
 from dynident.case.draft.stated_units import stated_unit, units_in_names
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.case.questions import MARK
+from dynident.data.formats._clocked_table import sum_of
 from dynident.data.formats._units import RATED
 
 #: What the signals are called in questions.
@@ -165,6 +166,7 @@ def _others(found: Recognised, told: str) -> list[str]:
     grouped = {name for group in groups for name in group.names}
     columns = {group.names: group.shown() for group in groups} | {(n,): n for n in found.header if n not in grouped}
     read = times | {name for source in found.sources.values() for name in source.columns}
+    read |= {column for name in read for column, _ in sum_of(name, found.header)}
     free = [names for names, shown in columns.items() if not read & {*names} and plain(shown) not in told]
     free.sort(key=lambda names: found.header.index(names[0]))
     return [f"    # not read: {few([columns[names] for names in free], _SHOWN)}"] if free else []
@@ -178,6 +180,8 @@ def _column(found: Recognised, signal: str) -> str:
     if found.structure is not None and signal in found.structure.rivals:
         names = " or ".join(group.shown() for group in found.structure.rivals[signal])
         return offered(line, f"which are {_WORDS[signal]}: {names}? {source.how}")
+    if source.doubt:
+        return asked(f"    {signal}", source.doubt, value)
     if signal not in ("torque", "current") or not source.unknown:
         return f"{line}   # {plain(source.how)}"
     text = f"are {source.shown()} {_WORDS[signal]}? The word {' '.join(map(repr, source.unknown))} is not known"

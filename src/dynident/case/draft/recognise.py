@@ -35,7 +35,7 @@ from dynident.case.draft.stated_units import (
     units_of_profile,
 )
 from dynident.case.draft.stepping_joints import with_held, without_steps
-from dynident.case.draft.tied_columns import without_followers
+from dynident.case.draft.tied_columns import with_sums, without_followers
 from dynident.case.draft.time_unit import time_unit_of, velocity_ratio
 from dynident.case.draft.unnamed_columns import by_structure, clock_by_values, with_missing_signals, with_named_efforts
 from dynident.case.draft.yaml_words import few, listed, quoted
@@ -43,7 +43,7 @@ from dynident.case.evidence.positions import STILL, strays, travel
 from dynident.case.evidence.torques import torque_evidence
 from dynident.case.evidence.velocities import is_near
 from dynident.data.formats import LogTable
-from dynident.data.formats._clocked_table import SUM, TimedTable
+from dynident.data.formats._clocked_table import SUM, MadeTable
 from dynident.data.formats._units import RATED
 from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn, turns_counted
@@ -68,7 +68,7 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
     Raises:
         LogFormatError: A log lacks a column of the first, or a cell is no number.
     """
-    clock = tables[0].clock if isinstance(tables[0], TimedTable) else ""
+    clock = tables[0].made[0] if isinstance(tables[0], MadeTable) else ""
     header = tuple(name for name in tables[0].header if name != clock)
     fits = [] if clock else fitting_profiles(header, robot.joint_names)  # a profile knows its column of the time
     fits = [fit for fit in fits if not profile or fit.name == profile]
@@ -186,7 +186,7 @@ def _by_values(found: Recognised) -> Recognised:
         units["time"] = time_unit_of(found.readings, unit_of_time(found.time, found.header), of_motion)
     tied = None if found.profiles else without_followers(found)
     if tied is not None:
-        found = tied
+        found = tied[0]
     elif not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
         found = _first_columns(found)
     found = _with_turns(found)
@@ -217,7 +217,7 @@ def _by_values(found: Recognised) -> Recognised:
     bands = [band(r.time * found.to_seconds, r.signals["q"] * factors / max(travel, 1e-300)) for r in found.readings]
     found = replace(found, band_hz=max(bands) if units["time"].words else 0.0)
     found = _with_effort(replace(found, units=units), moving, factors, stated)
-    return _with_motion(found, q, factors)
+    return with_sums(_with_motion(found, q, factors), tied[1] if tied is not None else ())
 
 
 def _with_turns(found: Recognised) -> Recognised:

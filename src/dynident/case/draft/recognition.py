@@ -29,6 +29,7 @@ class SignalSource:
         side: motor or link.
         how: What told it.
         unknown: Words in their names that are not known.
+        doubt: What has to be asked about them; empty for nothing.
     """
 
     columns: tuple[str, ...]
@@ -36,6 +37,7 @@ class SignalSource:
     side: str
     how: str
     unknown: tuple[str, ...] = ()
+    doubt: str = ""
 
     @classmethod
     def of_group(cls, group: Group) -> SignalSource:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from dynident.data.formats._clocked_table import clocked
+from dynident.data.formats._clocked_table import with_made
 from dynident.data.formats._column_map import ColumnMap, Units
 from dynident.data.formats._stream import LogStream
 from dynident.data.formats._unrepeated_table import unrepeated
@@ -118,7 +118,7 @@ def _as_mapped(table: LogTable, columns: ColumnMap) -> LogTable:
         from dynident.data.formats._simulated_bag import numbered  # of recordings alone
 
         table = numbered(table, columns)
-    return unrepeated(clocked(table, columns), columns)
+    return unrepeated(with_made(table, columns), columns)
 
 
 def _form(columns: ColumnMap) -> LogFormat | None:

@@ -1,4 +1,4 @@
-"""A log whose time is no column of its own: made of a stated rate, or of two columns, seconds and nanoseconds."""
+"""Columns that are made of others: a time of a stated rate, or of seconds and nanoseconds, and sums of torques."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 
@@ -23,30 +23,33 @@ RATE = re.compile(r"([0-9]*\.?[0-9]+) ?Hz")
 SUM = re.compile(r"(.+) (s|ms|us|ns) \+ (.+) (s|ms|us|ns)")
 
 
+#: A column in a sum of columns, with its factor, such as ``0.5 * tau2``.
+TERM = re.compile(r"(?:(\d+\.?\d*(?:e-?\d+)?) \* )?(.+)")
+
+
 @dataclass(frozen=True, kw_only=True)
-class TimedTable(TableOfTable):
-    """A table with one column more: the time, in s.
+class MadeTable(TableOfTable):
+    """A table with columns more, which are made of others.
 
     Attributes:
-        clock: Name of the added column, as the map of columns states it.
+        made: Names of the added columns, as the map of columns states them.
     """
 
-    clock: str
-
-    @property
-    @abstractmethod
-    def sources(self) -> tuple[str, ...]:
-        """Columns of the file that the time is made of."""
+    made: tuple[str, ...]
 
     @abstractmethod
-    def time(self, rows: int, start: int, columns: Mapping[str, Array]) -> Array:
-        """Return the time of rows in s, shape (rows,); ``columns`` are those of the file that were read for them."""
+    def sources(self, name: str) -> tuple[str, ...]:
+        """Return the columns of the file that an added one is made of."""
+
+    @abstractmethod
+    def values(self, name: str, rows: int, start: int, columns: Mapping[str, Array]) -> Array:
+        """Return an added column, shape (rows,); ``columns`` are those of the file that were read for its rows."""
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
         """Return some columns and what was done; see :meth:`LogTable.read`."""
         inside = self._inside(names)
         values, notes = self.inner.read(inside)
-        return self._timed(values, inside, names, 0), notes
+        return self._with_made(values, inside, names, 0), notes
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
         """Yield some columns in blocks; see :meth:`LogTable.batches`."""
@@ -57,24 +60,23 @@ class TimedTable(TableOfTable):
                 values = next(blocks)
             except StopIteration as end:
                 return end.value
-            yield self._timed(values, inside, names, start)
+            yield self._with_made(values, inside, names, start)
             start += len(values)
 
     def _inside(self, names: Sequence[str]) -> list[str]:
         """Return the columns to read of the file: one at least, as it says how many rows there are."""
-        needed = self.sources if self.clock in names else ()
-        wanted = dict.fromkeys([*needed, *(name for name in names if name != self.clock)])
-        return list(wanted) or [self.inner.header[0]]
+        needed = [self.sources(name) if name in self.made else (name,) for name in names]
+        return list(dict.fromkeys(name for own in needed for name in own)) or [self.inner.header[0]]
 
-    def _timed(self, values: Array, inside: Sequence[str], names: Sequence[str], start: int) -> Array:
+    def _with_made(self, values: Array, inside: Sequence[str], names: Sequence[str], start: int) -> Array:
         found = dict(zip(inside, values.T, strict=True))
-        if self.clock in names:
-            found[self.clock] = self.time(len(values), start, found)
-        return np.column_stack([found[name] for name in names])
+        own = {name: self.values(name, len(values), start, found) for name in self.made if name in names}
+        return np.column_stack([(found | own)[name] for name in names])
 
 
+@final
 @dataclass(frozen=True, kw_only=True)
-class ClockedTable(TimedTable):
+class ClockedTable(MadeTable):
     """A table whose rows follow each other at a stated rate.
 
     Attributes:
@@ -83,40 +85,66 @@ class ClockedTable(TimedTable):
 
     rate: float
 
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """No column of the file."""
+    def sources(self, name: str) -> tuple[str, ...]:
+        """Return no column of the file; see :meth:`MadeTable.sources`."""
         return ()
 
-    def time(self, rows: int, start: int, columns: Mapping[str, Array]) -> Array:
-        """Return the number of the row over the rate; see :meth:`TimedTable.time`."""
+    def values(self, name: str, rows: int, start: int, columns: Mapping[str, Array]) -> Array:
+        """Return the number of the row over the rate; see :meth:`MadeTable.values`."""
         return (start + np.arange(rows)) / self.rate
 
 
+@final
 @dataclass(frozen=True, kw_only=True)
-class SummedTimeTable(TimedTable):
-    """A table whose time is the sum of two columns.
+class SummedTable(MadeTable):
+    """A table with sums of columns, such as the time in seconds and nanoseconds.
 
     Attributes:
-        parts: The two columns with the unit of each.
+        parts: Columns of the file with their factors, by the added column.
     """
 
-    parts: tuple[tuple[str, str], tuple[str, str]]
+    parts: Mapping[str, tuple[tuple[str, float], ...]]
 
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """The two columns."""
-        return tuple(name for name, _ in self.parts)
+    def sources(self, name: str) -> tuple[str, ...]:
+        """Return the columns of a sum; see :meth:`MadeTable.sources`."""
+        return tuple(column for column, _ in self.parts[name])
 
-    def time(self, rows: int, start: int, columns: Mapping[str, Array]) -> Array:
-        """Return the sum in s; see :meth:`TimedTable.time`."""
-        (whole, first), (part, second) = self.parts
-        return columns[whole] * _seconds(first) + columns[part] * _seconds(second)
+    def values(self, name: str, rows: int, start: int, columns: Mapping[str, Array]) -> Array:
+        """Return a sum; see :meth:`MadeTable.values`."""
+        return np.sum([factor * columns[column] for column, factor in self.parts[name]], axis=0)
 
 
 def _seconds(unit: str) -> float:
     (numerator, denominator), _ = UNITS["time"][unit]
     return numerator / denominator
+
+
+def with_made(table: LogTable, columns: ColumnMap) -> LogTable:
+    """Return a table with the columns that a map of columns makes of others: a stated rate, sums.
+
+    Raises:
+        BadOption: A rate that is none, or a unit of the time beside it.
+        LogFormatError: A column of the sum that is the time is missing.
+    """
+    table = clocked(table, columns)
+    efforts = (*(columns.torque or ()), *(columns.current or ()))
+    sums = {name: sum_of(name, table.header) for name in efforts if name not in table.header}
+    sums = {name: parts for name, parts in sums.items() if parts}
+    if not sums:
+        return table
+    return SummedTable(**_beside(table, tuple(sums), f"{table.how}, with {', '.join(sums)}"), parts=sums)
+
+
+def sum_of(name: str, header: Sequence[str]) -> tuple[tuple[str, float], ...]:
+    """Return the columns of a header, with their factors, that ``a + 0.5 * b - c`` is the sum of; none for no sum."""
+    first, *rest = re.split(r" ([+-]) ", name)
+    terms = [TERM.fullmatch(text) for text in (first, *rest[1::2])]
+    found = tuple(
+        (term[2], float(f"{sign}{term[1] or 1}"))
+        for sign, term in zip(("+", *rest[::2]), terms, strict=True)
+        if term is not None and term[2] in header
+    )
+    return found if len(found) == len(terms) > 1 else ()
 
 
 def clocked(table: LogTable, columns: ColumnMap) -> LogTable:
@@ -149,18 +177,19 @@ def clocked(table: LogTable, columns: ColumnMap) -> LogTable:
     return with_clock(table, columns.time, rate)
 
 
-def with_clock(table: LogTable, clock: str, rate: float) -> ClockedTable:
+def with_clock(table: LogTable, clock: str, rate: float) -> LogTable:
     """Return a table with a column of the time called ``clock``, at ``rate`` samples a second."""
     how = f"{table.how}, {clock} for want of a column of the time"
-    return ClockedTable(**_beside(table, clock, how), rate=rate)
+    return ClockedTable(**_beside(table, (clock,), how), rate=rate)
 
 
-def with_sum(table: LogTable, clock: str, parts: tuple[tuple[str, str], tuple[str, str]]) -> SummedTimeTable:
+def with_sum(table: LogTable, clock: str, parts: tuple[tuple[str, str], tuple[str, str]]) -> LogTable:
     """Return a table with a column of the time called ``clock``, the sum of two columns in units of their own."""
-    return SummedTimeTable(**_beside(table, clock, f"{table.how}, time as {clock}"), parts=parts)
+    own = {clock: tuple((name, _seconds(unit)) for name, unit in parts)}
+    return SummedTable(**_beside(table, (clock,), f"{table.how}, time as {clock}"), parts=own)
 
 
-def _beside(table: LogTable, clock: str, how: str) -> dict[str, Any]:
-    """Return what a table has with a column of the time before its own."""
-    there = {"path": table.path, "sha256": table.sha256, "line": table.line, "inner": table, "clock": clock, "how": how}
-    return {**there, "header": (clock, *table.header)}
+def _beside(table: LogTable, made: tuple[str, ...], how: str) -> dict[str, Any]:
+    """Return what a table has with columns before its own."""
+    there = {"path": table.path, "sha256": table.sha256, "line": table.line, "inner": table, "made": made, "how": how}
+    return {**there, "header": (*made, *table.header)}
