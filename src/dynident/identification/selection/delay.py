@@ -26,7 +26,16 @@ from dynident.identification.problem.choices import DelayRecord
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.residuals.quantiles import chi_square_tail, normal_share, student_quantile
-from dynident.identification.selection.delay_rows import MOST, PARTS, RANGE, DelayRows, Share, dense_rows, shares_of
+from dynident.identification.selection.delay_rows import (
+    MOST,
+    PARTS,
+    RANGE,
+    DelayRows,
+    Share,
+    dense_rows,
+    shares_of,
+    together,
+)
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.presliding import Presliding
@@ -217,7 +226,8 @@ class _DelaySearch:
         parts = [_of_shares(self._part(k), torques) for k in range(PARTS)]
         squares, rows = np.zeros(self.regressor.model.robot.dof), np.zeros(self.regressor.model.robot.dof)
         for k, left_out in enumerate(parts):
-            beta = _weighted_fit(self.regressor.base.count, _merged([*parts[:k], *parts[k + 1 :]]))
+            seen = [first.merged(rest) for first, *rest in zip(*parts[:k], *parts[k + 1 :], strict=True)]
+            beta = _weighted_fit(self.regressor.base.count, seen)
             squares += [triangle.residual_square(beta) for triangle in left_out]
             rows += [triangle.rows for triangle in left_out]
         return float(np.average(np.log(np.maximum(squares, np.finfo(float).tiny) / np.maximum(rows, 1)), weights=rows))
@@ -250,11 +260,10 @@ class _DelaySearch:
             more: More columns of each joint, shape (n, N, k); None for none.
             places: Their positions in beta, shape (k, n).
         """
-        if not away.any():
-            return _merged([_of_shares(self._part(k), torques, more, places) for k in range(PARTS)])
         name = tuple(away.tolist())
         if name not in self._made:
-            self._made[name] = shares_of(self.rows, self._masks(away))
+            parts = () if away.any() else zip(*map(self._part, range(PARTS)), strict=True)
+            self._made[name] = list(map(together, parts)) or shares_of(self.rows, self._masks(away))
         return _of_shares(self._made[name], torques, more, places)
 
     def _part(self, number: int) -> list[Share]:
@@ -273,11 +282,6 @@ def _of_shares(
     if more is None or places is None:
         return [share.triangle(torque[:, i]) for i, share in enumerate(shares)]
     return [share.triangle(torque[:, i], more[i], places[:, i].tolist()) for i, share in enumerate(shares)]
-
-
-def _merged(parts: Sequence[Sequence[Triangle]]) -> list[Triangle]:
-    """Return the triangle of each joint of all parts."""
-    return [first.merged(rest) for first, *rest in zip(*parts, strict=True)]
 
 
 def _common(delays: Array, covariance: Array, pooled: bool) -> tuple[float, float, bool]:

@@ -70,6 +70,14 @@ class Share:
         return Triangle(np.append(self.columns, np.array(places, dtype=np.int64)), factor, len(self.rows))
 
 
+def together(parts: Sequence[Share]) -> Share:
+    """Return the rows of several shares of a joint as one."""
+    turn, r = np.linalg.qr(np.concatenate([part.r for part in parts]))
+    turns = np.split(turn, np.cumsum([len(part.r) for part in parts])[:-1])
+    q = np.concatenate([part.q @ own for part, own in zip(parts, turns, strict=True)])
+    return Share(parts[0].columns, np.concatenate([part.rows for part in parts]), q, r)
+
+
 def shares_of(logs: Sequence[DelayRows], masks: Sequence[BoolArray]) -> list[Share]:
     """Return the rows of each joint in some logs that count by ``masks``, shape (N, n) of each log."""
     found = []
