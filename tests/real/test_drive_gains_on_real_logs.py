@@ -48,7 +48,7 @@ def asked(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) ->
 def test_ur10e_gains_from_a_weighed_load(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """They lie between the published sets, and predict held-out runs better than those of De Luca.
 
-    On no joint worse than chance allows: the largest share is that of wrist_1, whose gain is De Luca's within its
+    At a joint by 3 % at most worse: the largest share is that of wrist_1, whose gain is De Luca's within its
     interval. There the squared errors of the runs differ by 1.7 standard errors over blocks of 2 s.
     """
     runs = folder("ur10e_mamedov")
