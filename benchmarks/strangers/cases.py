@@ -200,7 +200,7 @@ STRANGERS: Mapping[str, Stranger] = {
         arms.scara(), Drives((0.25, 0.12, 8, 0.01), (3, 2, 15, 0.3), (2, 1.2, 40, 0.05)), 1000, 8, 0.25, 0.6, 0.005,
         permille, 2, answers={
             "    position: ask": "    position: [deg, deg, mm, deg]", "    torque: ask": "    torque: permille",
-            "    bias: ask": "    bias: 0", "  units:": f"  rated: {list(RATED)}\n  units:",
+            "    bias: ask": "    bias: 0", "  rated: ask": f"  rated: {list(RATED)}",
         },
     ),
     "so100": Stranger(
