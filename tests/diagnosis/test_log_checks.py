@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.optimize
 import scipy.signal
 import scipy.stats
 
@@ -30,7 +29,7 @@ from dynident.data.log import smallest_step
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame, Cause
-from dynident.diagnosis.causes.column_readings import PositionReadings, assigned
+from dynident.diagnosis.causes.column_readings import PositionReadings
 from dynident.diagnosis.causes.held_out import halves
 from dynident.diagnosis.causes.known_bodies import NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
@@ -139,13 +138,6 @@ def test_columns_in_another_order_are_named_with_the_right_one(
     assert found.joint == ", ".join(joints[i] for i in moved)
     if len(moved) == 3:
         assert f"read as those of {', '.join(joints[k] for k in order)}" in found.evidence
-
-
-@pytest.mark.parametrize("joints", [1, 2, 3, 7, 20])
-def test_columns_are_assigned_so_that_their_costs_are_least(joints: int) -> None:
-    for seed in range(20):
-        costs = np.random.default_rng(seed).normal(size=(joints, joints))
-        assert assigned(costs) == tuple(scipy.optimize.linear_sum_assignment(costs)[1].tolist())
 
 
 @pytest.mark.parametrize(("moved", "words"), [("i", "with their currents exchanged"), ("both", "currents and gains")])

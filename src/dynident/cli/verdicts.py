@@ -102,8 +102,8 @@ def show_short(
             console.answer_text(line)
     show_ranges(estimate)
     new = verdict.new
-    told = "" if new is None or new.quality is None else f"{new.unlike}: {new.step}"  # its causes are named above
-    warnings = [each for each in warnings_of(estimate, test, new) if each != told]
+    named = "" if new is None or new.quality is None else new.warning  # its causes stand above
+    warnings = [each for each in warnings_of(estimate, test, new) if each != named]
     for line in () if verdict.causes else short_answer.warning_lines(warnings, console.line_width()):
         console.answer(line)
     console.answer(f"all tables: {more}")

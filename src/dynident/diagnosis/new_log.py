@@ -48,6 +48,11 @@ class NewLog:
     command: str
 
     @property
+    def warning(self) -> str:
+        """Where its residual is far beyond that of the training, and what to do; empty where it is not."""
+        return f"{self.unlike}: {self.step}" if self.unlike else ""
+
+    @property
     def explains_nothing(self) -> bool:
         """Whether the model is worse than a constant at most joints."""
         return 2 * self.worthless[0] > self.worthless[1]

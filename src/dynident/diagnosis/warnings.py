@@ -47,14 +47,12 @@ def warnings_of(estimate: Estimate, test: Validation | None = None, new: NewLog 
         test: Its comparison with logs that had no part in the fit.
         new: What these logs say, where it is known.
     """
-    case = str(estimate.provenance.get("case", {}).get("path", ""))
-    told, step = "", ""
-    if new is not None:
-        told, step = new.unlike, new.step
-    elif test is not None:
-        told, step = unlike(estimate, test, check_command(test.logs, case=case))
+    told = "" if new is None else new.warning
+    if new is None and test is not None:
+        case = str(estimate.provenance.get("case", {}).get("path", ""))
+        told = ": ".join(filter(None, unlike(estimate, test, check_command(test.logs, case=case))))
     found = [
-        *([f"{told}: {step}"] if told else []),
+        *filter(None, [told]),
         *check_lines(quality_of(estimate) or ()),
         *_gaps(estimate),
         *_limits(estimate),

@@ -389,13 +389,11 @@ def _merge(robot: Robot, positions: Mapping[str, float], coupling: Array) -> Rob
 
 def _carrying(robot: Robot, positions: Mapping[str, float]) -> dict[str, float]:
     """Return the positions of locked joints beyond which a joint still moves."""
-    beyond: set[int] = set()
-    for joint in robot.joints:
-        at = -1 if joint.name in positions else joint.parent
-        while at >= 0:
-            beyond.add(at)
-            at = robot.joints[at].parent
-    names = [robot.joints[i].name for i in sorted(beyond)]
+    carrying = {-1}
+    for i in reversed(range(len(robot.joints))):  # parents stand before their children
+        if i in carrying or robot.joints[i].name not in positions:
+            carrying.add(robot.joints[i].parent)
+    names = [robot.joints[i].name for i in sorted(carrying - {-1})]
     return {name: float(positions[name]) for name in names if name in positions}
 
 

@@ -104,7 +104,7 @@ class CarriedBody:
 
 
 def hand_of(robot: Robot, link: int) -> int:
-    """Return the link that carries the fingers of which a link is one; the link itself where it is none.
+    """Return the link that carries the fingers of which a link is one; the link itself where it is no finger.
 
     Fingers are branches that move together: a joint of one follows that of another.
     """

@@ -123,7 +123,7 @@ def with_made(table: LogTable, columns: ColumnMap) -> LogTable:
     """Return a table with the columns that a map of columns makes of others: a stated rate, sums.
 
     Raises:
-        BadOption: A rate that is none, or a unit of the time beside it.
+        BadOption: A rate that is not above 0, or a unit of the time beside it.
         LogFormatError: A column of the sum that is the time is missing.
     """
     table = clocked(table, columns)
@@ -151,7 +151,7 @@ def clocked(table: LogTable, columns: ColumnMap) -> LogTable:
     """Return a table with a column of the time, where the map of columns states a rate or a sum in its place.
 
     Raises:
-        BadOption: A rate that is none, or a unit of the time beside it.
+        BadOption: A rate that is not above 0, or a unit of the time beside it.
         LogFormatError: A column of the sum is missing.
     """
     if columns.time in table.time_stamps and columns.units.time != "s":

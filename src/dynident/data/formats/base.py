@@ -29,7 +29,7 @@ LARGE = 512 << 20
 #: What to do with a file that is larger than what is read at once.
 TOO_LARGE = "reduce it as a stream: dynident reduce CASE LOG -o part.tri"
 
-#: What to do where rows have the time of the row before, and where they have its values as well.
+#: What to do where cells hold no number, where rows have the time of the row before, and where its values as well.
 _NOT_FINITE = "repair the recording or leave these rows out ('dynident check' with --fix OUT.csv, of a few)"
 _SAME_TIME = "'dynident check' with --fix OUT.csv leaves a few out; of many write the time with more digits"
 _REPEATED = "they are the same in all that is read: have them left out (log: {repeats: drop})"

@@ -137,27 +137,9 @@ def _assigned_order(fit: QuickFit) -> tuple[int, ...]:
     costs = np.log(np.maximum(np.array(left) / whole, EXACT**2))
     if np.array_equal(np.argmin(costs, axis=1), plain):
         return plain
-    return assigned(costs)
+    from scipy.optimize import linear_sum_assignment  # loads slowly
 
-
-def assigned(costs: Array) -> tuple[int, ...]:
-    """Return the column of each row so that the sum of their costs (n, n) is least: shortest augmenting paths.
-
-    One row after another takes a column; those before it make room where that is cheaper (Tomizawa 1971).
-    """
-    owner = np.full(len(costs), -1)  # the row that has each column
-    for row in range(len(costs)):
-        taken, far, before = np.flatnonzero(owner >= 0), costs[row].copy(), np.full(len(costs), -1)
-        for _ in taken:
-            further = (far[taken] - costs[owner[taken], taken])[:, None] + costs[owner[taken]]
-            nearer = further.min(axis=0) < far - 1e-12
-            far = np.where(nearer, further.min(axis=0), far)
-            before = np.where(nearer, taken[np.argmin(further, axis=0)], before)
-        column = int(np.argmin(np.where(owner < 0, far, np.inf)))
-        while before[column] >= 0:
-            owner[column], column = owner[before[column]], int(before[column])
-        owner[column] = row
-    return tuple(np.argsort(owner).tolist())
+    return tuple(linear_sum_assignment(costs)[1].tolist())
 
 
 def _cycles(joints: int) -> Iterator[tuple[int, ...]]:

@@ -45,10 +45,11 @@ class PositionRange(Check):
     stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
-        radians = _radians(subject)
+        if radians := _radians(subject):
+            return radians
         limits = _limits(subject)
         moved = [] if any(each.severity == "error" for each in limits) else _off_lock(subject)
-        return radians or [*moved, *limits, *_still(subject)]
+        return [*moved, *limits, *_still(subject)]
 
 
 def _off_lock(subject: CheckedLog) -> list[Finding]:

@@ -168,12 +168,12 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies |
         )
         remedy = f"mounted upside down? state it (gravity: [{gravity}] in the frame of the base)"
         return [Finding("error", "mounting", "", evidence, remedy, {"correlation": alike}, CONSEQUENCES)]
-    return _other_units(fit) or _other_unit(ratio, alike, "the robot model", _are_alike(fit))
-
-
-def _other_units(fit: QuickFit) -> list[Finding]:
-    """Return that the torques are far off those of the robot model's masses, each by a factor of its own."""
     ratios = nominal_ratios(fit, SURE**2)
+    return _other_units(fit, ratios) or _other_unit(ratio, alike, "the robot model", _are_alike(fit, ratios))
+
+
+def _other_units(fit: QuickFit, ratios: Array) -> list[Finding]:
+    """Return that the torques are far off those of the robot model's masses, each by a factor of its own, (n,)."""
     told = np.flatnonzero(np.isfinite(ratios))
     logs = np.log(ratios[told])
     if len(told) < max(2, fit.moves.sum() / 2) or not abs(np.median(logs)) > np.log(FAR_OFF):
@@ -231,9 +231,8 @@ def _lifted(fit: QuickFit) -> list[Finding]:
     return found
 
 
-def _are_alike(fit: QuickFit) -> bool:
+def _are_alike(fit: QuickFit, ratios: Array) -> bool:
     """Return whether most joints ask for one factor: one wrong body, or masses that are guessed, ask for several."""
-    ratios = nominal_ratios(fit, SURE**2)
     logs = np.log(ratios[np.isfinite(ratios)])
     return len(logs) >= max(3, fit.moves.sum() / 2) and bool(np.ptp(logs) < np.log(ALIKE))
 
