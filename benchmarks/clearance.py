@@ -14,7 +14,8 @@ import numpy as np
 from dynident.excitation.collision.clearance import clearance_of
 from dynident.excitation.collision.workspace import Workspace
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Joint, JointLimits, Link, Robot, rotation_about
+from dynident.model.joint import Joint, JointLimits, rotation_about
+from dynident.model.robot import Link, Robot
 from dynident.model.shapes import Box, Capsule
 
 SAMPLES, REPEATS, SLOW = 20_000, 9, 1000

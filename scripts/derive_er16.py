@@ -34,8 +34,9 @@ from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import PSEUDO_BASIS, Inertia
+from dynident.model.joint import Joint
 from dynident.model.reduction import triangle_of
-from dynident.model.robot import Joint, Link, Robot
+from dynident.model.robot import Link, Robot
 from dynident.robot_files.formats.dh import modified_pose
 from dynident.studies import er16_article as article
 

@@ -21,7 +21,8 @@ from dynident.data.log import Log
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Joint, Link, Mimic, Robot, rotation_about
+from dynident.model.joint import Drive, Joint, Mimic, rotation_about
+from dynident.model.robot import Link, Robot
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)

@@ -11,7 +11,7 @@ import scipy.signal
 from benchmarks.faults.trials import Trial
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
-from dynident.model.robot import rotation_about
+from dynident.model.joint import rotation_about
 
 DEG = 180.0 / np.pi
 X, Y = np.eye(3)[:2]

@@ -10,8 +10,9 @@ from dynident.arrays import Array, IntArray
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
+from dynident.model.joint import Joint, rotation_about
 from dynident.model.parameters import to_pinocchio
-from dynident.model.robot import Joint, Link, Robot, rotation_about
+from dynident.model.robot import Link, Robot
 
 #: a (m), alpha (rad), d (m) of the UR10, standard convention, as its maker publishes them.
 UR10 = (

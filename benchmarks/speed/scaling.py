@@ -30,7 +30,8 @@ from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Joint, Link, Robot, rotation_about
+from dynident.model.joint import Joint, rotation_about
+from dynident.model.robot import Link, Robot
 from dynident.results.figures.chart import Across, Line, Plot, chart
 from dynident.results.figures.files import figure_file
 from dynident.robot_files import read_robot

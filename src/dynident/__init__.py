@@ -71,8 +71,8 @@ if TYPE_CHECKING:
     from dynident.model.friction import FRICTION as FRICTION
     from dynident.model.friction import Motion as Motion
     from dynident.model.inertia import Inertia as Inertia
-    from dynident.model.robot import Joint as Joint
-    from dynident.model.robot import JointLimits as JointLimits
+    from dynident.model.joint import Joint as Joint
+    from dynident.model.joint import JointLimits as JointLimits
     from dynident.model.robot import Link as Link
     from dynident.model.robot import Robot as Robot
     from dynident.results.report import write_report as write_report
@@ -134,7 +134,8 @@ _HOMES = {
     "model.dynamic_model": ("DynamicModel",),
     "model.friction": ("FRICTION", "Motion"),
     "model.inertia": ("Inertia",),
-    "model.robot": ("Joint", "JointLimits", "Link", "Robot"),
+    "model.joint": ("Joint", "JointLimits"),
+    "model.robot": ("Link", "Robot"),
     "results.report": ("write_report",),
     "robot_files": ("read_robot",),
     "simulation.cell": ("Cell",),

@@ -16,7 +16,7 @@ import pytest
 import dynident as di
 from dynident.errors import BadOption
 from dynident.model.documents.robot_data import robot_to_dict
-from dynident.model.robot import Mimic
+from dynident.model.joint import Mimic
 
 FRICTION = [0.3, 0.1, 0.2, -0.1]
 SHAPES = r"q: shape \(2, 1200\) where \(1200, 2\) is wanted; write q\.T"

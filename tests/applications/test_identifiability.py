@@ -15,7 +15,8 @@ from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.base_parameters import COMBINED, IDENTIFIABLE, base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.robot import Joint, Robot, rotation_about
+from dynident.model.joint import Joint, rotation_about
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 FRICTIONS = ((), ("rotor_inertia",), ("coulomb", "viscous", "offset", "rotor_inertia"))

@@ -14,7 +14,8 @@ import pytest
 import dynident as di
 from dynident.cli.main import main
 from dynident.model.friction import FRICTION
-from dynident.model.robot import Drive, Joint, Link, Mimic, Robot, rotation_about
+from dynident.model.joint import Drive, Joint, Mimic, rotation_about
+from dynident.model.robot import Link, Robot
 from two_joint_arm import URDF
 
 sympy: Any = pytest.importorskip("sympy", reason="equations as expressions need SymPy (extra symbolic)")

@@ -20,7 +20,8 @@ from dynident.case.draft.recognise import cutoff_of
 from dynident.data.formats import Units
 from dynident.errors import BadOption, DescriptionError, FileError, LogFormatError, UnknownChoice
 from dynident.model.friction import FRICTION, auto_friction, motor_ripple
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 

@@ -11,7 +11,8 @@ from drafted_logs import joints_called, moved, named, read, write_log, write_rob
 from dynident.arrays import Array
 from dynident.case.case_draft import draft_case
 from dynident.model.friction import FRICTION
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 UR = tuple(f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"))

@@ -13,7 +13,8 @@ from dynident.arrays import Array
 from dynident.case.case_draft import Draft, draft_case
 from dynident.case.draft.structure import structure_of
 from dynident.errors import BadArgument
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 NOISE = np.random.default_rng(3)

@@ -14,7 +14,7 @@ from dynident.case.evidence.positions import is_plausible, is_within, strays, tr
 from dynident.case.evidence.rows import POSSIBLE_STEPS, is_step, same_as_before, time_units
 from dynident.case.evidence.torques import agrees, scale_against
 from dynident.case.evidence.velocities import is_near, velocity_pair
-from dynident.model.robot import JointLimits
+from dynident.model.joint import JointLimits
 
 TIME = np.arange(2000) / 200.0
 Q = np.stack([np.sin(2.0 * TIME), 0.5 * np.cos(3.0 * TIME)], axis=1)

@@ -15,8 +15,9 @@ from dynident.case.link_volume import mesh_volume
 from dynident.case.mesh_bounds import with_mesh_points
 from dynident.cli.main import main
 from dynident.errors import DescriptionError, FileError
+from dynident.model.joint import rotation_about
 from dynident.model.plausible import link_points, plausible_constraints, shape_points
-from dynident.model.robot import Robot, rotation_about
+from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from dynident.robot_files.meshes import DIRECTIONS, outermost
 from dynident.robot_files.solids import solid_of

@@ -25,8 +25,9 @@ from dynident.model.body_constraints import BodyConstraints, Constraints, ValueR
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
+from dynident.model.joint import rotation_about
 from dynident.model.plausible import bounding_ellipsoids, plausible_constraints, shape_clouds
-from dynident.model.robot import Link, Robot, rotation_about
+from dynident.model.robot import Link, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Sphere
 from dynident.robot_files.solids import solid_of
 

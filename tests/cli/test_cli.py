@@ -26,7 +26,8 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.offset import Offset
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robot import Robot, rotation_about
+from dynident.model.joint import rotation_about
+from dynident.model.robot import Robot
 
 Capture = pytest.CaptureFixture[str]
 

@@ -27,6 +27,7 @@ from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.robot import Robot
+from dynident.results.verdict import reason_of
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[2].parent / "shared" / "data")
 PANDA = DATA / "panda_gaz2019" / "exciting_traj_1.csv"
@@ -230,6 +231,10 @@ def test_warnings_of_the_checks_stand_in_terminal_and_json(
     assert "warning: run.csv: spikes (joint2): 3 values of torque" in capsys.readouterr().out
     found = answered(capsys, 0, "validate", "estimate.json", "run.csv")
     assert any(text.startswith("run.csv: spikes (joint2)") for text in found["warnings"])
+    about = {"severity": "warning", "name": "spikes", "evidence": "", "remedy": ""}
+    quality = [{"path": "run.csv", "findings": [{**about, "joint": joint} for joint in ("joint2", "joint3", "joint2")]}]
+    verdict = dynident.verdict_of(read_estimate("estimate.json"), quality=quality)
+    assert reason_of(verdict).endswith("found no error, but 1 warning: spikes (joint2, joint3)")
 
 
 def test_criteria_are_judged_on_the_test_and_go_with_the_estimate(
@@ -259,10 +264,13 @@ def test_validate_judges_the_new_log(
     """The first line had been about the training logs, whatever the new log was, and log_checks had counted theirs."""
     recorded(spatial_3r, name="swapped.csv", change=_swapped)
     recorded(spatial_3r, name="half.csv", change=lambda log: replace(log, torque=0.2 * np.asarray(log.torque)))
+    recorded(spatial_3r, name="still.csv", change=lambda log: replace(log, q=np.repeat(log.q[:1], len(log.q), axis=0)))
     recorded(spatial_3r, name="other.csv")
     recorded(spatial_3r)
     assert main(["identify", "case.yaml", "run.csv", "-o", "e.json", *QUICK]) == 0
     capsys.readouterr()
+    main(["validate", "e.json", "still.csv"])
+    assert capsys.readouterr().out.startswith("still.csv: no joint moves, so that only the weight is compared (total")
     judged = ("--accept", "total_error=900%", "log_checks")
     found = answered(capsys, 4, "validate", "e.json", "swapped.csv", *judged)["verdict"]
     assert {(cause["log"], cause["name"]) for cause in found["causes"]} == {("swapped.csv", "torque order")}

@@ -12,8 +12,9 @@ import pytest
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
 from dynident.model.inertia import Inertia
+from dynident.model.joint import Joint
 from dynident.model.kernels.generic import WORK, pack
-from dynident.model.robot import Joint, Link, Robot
+from dynident.model.robot import Link, Robot
 from dynident.simulation.controllers import CONTROLLERS, Controller, Loop
 
 PARTS = CONTROLLERS.names()

@@ -14,7 +14,8 @@ from dynident.data.formats import write_log
 from dynident.data.log import Log
 from dynident.data.motor_side import joint_side
 from dynident.errors import LogMismatch
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 DATA = Path(os.environ.get("DYNIDENT_DATA", Path(__file__).parents[2] / "../shared/data")) / "staubli_tx40_figaroh"

@@ -18,7 +18,8 @@ from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.case_lines import with_case_line
 from dynident.diagnosis.finding import Finding, Severity
 from dynident.model.friction import FRICTION, default_friction
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 
 
 @pytest.fixture(scope="module")

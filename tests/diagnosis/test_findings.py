@@ -27,7 +27,8 @@ from dynident.diagnosis.finding import Finding, ordered
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair
 from dynident.model.friction import FRICTION, default_friction
-from dynident.model.robot import Drive, JointLimits, Robot
+from dynident.model.joint import Drive, JointLimits
+from dynident.model.robot import Robot
 
 
 @pytest.fixture(scope="module")

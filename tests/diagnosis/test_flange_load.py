@@ -14,7 +14,8 @@ from benchmarks.faults.trials import RATE, virtual
 from dynident.case.case import read_case
 from dynident.diagnosis.causes.flange_load import FAR, TOLD, carried, own_inertia
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Joint, Link, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import Link, Robot
 
 pytest.importorskip("pinocchio")
 

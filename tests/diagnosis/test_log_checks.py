@@ -50,7 +50,8 @@ from dynident.errors import LogFormatError, LogMismatch
 from dynident.model.friction import FRICTION, default_friction
 from dynident.model.friction.warm_up import WarmUp
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, JointLimits, Robot
+from dynident.model.joint import Drive, JointLimits
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 #: Half the samples a second of the benchmark.

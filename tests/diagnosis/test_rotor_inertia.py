@@ -12,7 +12,7 @@ from benchmarks.faults.trials import Trial, subject_of, virtual
 
 import dynident as di
 from dynident.case.case import Case, read_case
-from dynident.model.robot import rotation_about
+from dynident.model.joint import rotation_about
 
 ROTORS = np.array([0.8, 0.6, 0.3, 0.12, 0.08, 0.05])
 

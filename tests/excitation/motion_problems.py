@@ -17,7 +17,8 @@ from dynident.excitation.design.parametrisation import parametrise
 from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.robot import JointLimits, Robot
+from dynident.model.joint import JointLimits
+from dynident.model.robot import Robot
 
 LIMITS = JointLimits(-2.0, 1.5, 2.0, 8.0, 60.0, 150.0, 900.0)
 

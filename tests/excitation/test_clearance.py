@@ -12,8 +12,9 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, UnknownChoice
 from dynident.excitation.collision.clearance import Clearance, clearance_of
 from dynident.excitation.collision.workspace import HalfSpace, Tool, Workspace
+from dynident.model.joint import Joint, JointLimits, Mimic, rotation_about
 from dynident.model.kernels.batched import link_poses
-from dynident.model.robot import Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
+from dynident.model.robot import Frame, Link, Robot
 from dynident.model.shapes import Box, Capsule, Shape
 
 X, Y, Z = np.eye(3)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.excitation.collision.covering import MAX_STRIPS, covering_capsules, fitted_capsule, snug
-from dynident.model.robot import rotation_about
+from dynident.model.joint import rotation_about
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 length = st.floats(0.005, 2.0)

@@ -27,7 +27,8 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robot import JointLimits, Robot
+from dynident.model.joint import JointLimits
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 from dynident.studies import er16_article as article
 

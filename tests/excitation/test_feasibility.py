@@ -16,7 +16,8 @@ from dynident.excitation.design.finishing import FINER, FinishingCandidate, chec
 from dynident.excitation.design.limits import check_limits
 from dynident.excitation.design.parametrisation import kinds
 from dynident.excitation.design.rest_to_rest import RestToRest
-from dynident.model.robot import JointLimits, Robot
+from dynident.model.joint import JointLimits
+from dynident.model.robot import Robot
 
 
 def posture_of(problem: DesignProblem, x: Array) -> Array:

@@ -13,7 +13,8 @@ from dynident.excitation.design.rest_to_rest import RestToRest
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.excitation.trajectories.quintic import Quintic
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.robot import JointLimits, Robot
+from dynident.model.joint import JointLimits
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 NONE = np.full(2, np.inf)

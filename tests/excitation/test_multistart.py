@@ -26,7 +26,8 @@ from dynident.excitation.design.plan import Plan
 from dynident.excitation.design.prior import Prior, prior_of_covariance
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.robot import JointLimits, Robot
+from dynident.model.joint import JointLimits
+from dynident.model.robot import Robot
 
 LIMITS = JointLimits(-2.0, 1.5, 2.0, 8.0, 60.0, 150.0)
 SHAPE = TrajectoryOptions(period=6.0, harmonics=3, samples=60)

@@ -22,7 +22,8 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Joint, JointLimits, Link, Robot
+from dynident.model.joint import Drive, Joint, JointLimits
+from dynident.model.robot import Link, Robot
 
 LENGTH, MASS, SPIN, G = 0.4, 3.0, 0.02, 9.81
 

@@ -11,7 +11,8 @@ from dynident.arrays import Array
 from dynident.errors import UnknownChoice
 from dynident.excitation.collision.tool_speed import ToolPoint, tool_point_of
 from dynident.excitation.collision.workspace import Tool, Workspace
-from dynident.model.robot import Frame, Joint, Link, Mimic, Robot, rotation_about
+from dynident.model.joint import Joint, Mimic, rotation_about
+from dynident.model.robot import Frame, Link, Robot
 
 X, Y, Z = np.eye(3)
 

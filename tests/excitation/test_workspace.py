@@ -15,7 +15,8 @@ from dynident.errors import BadOption, DescriptionError, FileError
 from dynident.excitation.collision.clearance import clearance_of
 from dynident.excitation.collision.workspace import HalfSpace, Tool, Workspace
 from dynident.model.documents.robot_data import robot_to_dict
-from dynident.model.robot import Frame, Robot, rotation_about
+from dynident.model.joint import rotation_about
+from dynident.model.robot import Frame, Robot
 from dynident.model.shapes import Box, Capsule, Mesh
 
 Write = Callable[..., Path]

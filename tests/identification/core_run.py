@@ -24,7 +24,8 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion, default_friction
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Joint, Link, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import Link, Robot
 
 #: Estimators that are compared.
 METHODS = ("ols", "wls", "huber", "ridge", "consistent")

@@ -20,8 +20,9 @@ from dynident.identification.consistency.verdicts import (
 from dynident.identification.problem.prior import natural_scale
 from dynident.model.base_parameters import base_parameters
 from dynident.model.inertia import Inertia
+from dynident.model.joint import Drive, Joint
 from dynident.model.kernels import batched
-from dynident.model.robot import Drive, Joint, Link, Robot
+from dynident.model.robot import Link, Robot
 
 ARMS = ("pendulum", "planar_2r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
 UNITS = [(1e-3, 0.1), (1.0, 1.0), (1e3, 10.0)]

@@ -26,8 +26,9 @@ from dynident.identification.problem.prior import natural_scale
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import PSEUDO_BASIS, Inertia
+from dynident.model.joint import Drive, Joint
 from dynident.model.reduction import Reduced
-from dynident.model.robot import Drive, Joint, Link, Robot
+from dynident.model.robot import Link, Robot
 
 ARMS = ("pendulum", "planar_2r", "planar_3r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
 FREE = Consistent(bodies="free")

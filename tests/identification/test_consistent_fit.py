@@ -32,8 +32,9 @@ from dynident.model.body_constraints import BodyConstraints, BoundingBox, Constr
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.inertia import Inertia
+from dynident.model.joint import Joint, rotation_about
 from dynident.model.reduction import Reduced, triangle_of
-from dynident.model.robot import Joint, Link, Robot, rotation_about
+from dynident.model.robot import Link, Robot
 
 PARTS = ("coulomb", "viscous", "offset", "rotor_inertia")
 

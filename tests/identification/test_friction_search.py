@@ -33,7 +33,8 @@ from dynident.model.friction.presliding import Presliding
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 from dynident.results.choices import choice_tables
 
 #: Friction of the three joints of ``mixed``.

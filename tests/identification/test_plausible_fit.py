@@ -33,8 +33,9 @@ from dynident.model.body_constraints import BodyConstraints, BoundingBox, Constr
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.inertia import Inertia
+from dynident.model.joint import Joint
 from dynident.model.plausible import plausible_constraints, uniform_body
-from dynident.model.robot import Joint, Link, Robot
+from dynident.model.robot import Link, Robot
 from dynident.model.shapes import Sphere
 from dynident.results.plausibility import contradiction
 

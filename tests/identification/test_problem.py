@@ -24,8 +24,9 @@ from dynident.identification.problem.regressor_stream import RegressorStream, mo
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
+from dynident.model.joint import Drive, JointLimits
 from dynident.model.reduction import Reduced, least_squares
-from dynident.model.robot import Drive, JointLimits, Robot
+from dynident.model.robot import Robot
 
 ARMS = ("pendulum", "planar_2r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
 GIVEN = Preprocessing(AsGiven(), rest="keep")

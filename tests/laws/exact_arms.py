@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from dynident.arrays import Array
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Joint, Link, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import Link, Robot
 
 PRIME = 2**31 - 1
 KINDS: tuple[Literal["revolute", "prismatic"], ...] = ("revolute", "prismatic")

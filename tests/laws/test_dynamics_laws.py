@@ -16,8 +16,9 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
+from dynident.model.joint import rotation_about
 from dynident.model.kernels import batched
-from dynident.model.robot import Robot, rotation_about
+from dynident.model.robot import Robot
 
 DRIVES = ("viscous", "offset", "rotor_inertia")
 SEEDS = st.integers(0, 10**6)

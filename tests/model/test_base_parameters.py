@@ -25,7 +25,8 @@ from dynident.model.base_parameters import (
 )
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
-from dynident.model.robot import Joint, Link, Robot, rotation_about
+from dynident.model.joint import Joint, rotation_about
+from dynident.model.robot import Link, Robot
 from dynident.robot_files import read_robot
 from dynident.robot_files.formats.dh import read_dh
 

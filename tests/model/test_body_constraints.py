@@ -19,7 +19,8 @@ from dynident.model.body_constraints import (
     box_quadrics,
     halfspaces,
 )
-from dynident.model.robot import Robot, rotation_about
+from dynident.model.joint import rotation_about
+from dynident.model.robot import Robot
 
 
 def in_hull(points: Array, place: Array) -> bool:

@@ -17,8 +17,9 @@ from dynident.model.friction import FRICTION, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.viscous import Viscous
+from dynident.model.joint import Drive
 from dynident.model.kernels import batched
-from dynident.model.robot import Drive, Link, Robot
+from dynident.model.robot import Link, Robot
 
 ALL = tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset", "rotor_inertia"))
 ARMS = ("pendulum", "planar_2r", "planar_3r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")

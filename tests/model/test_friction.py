@@ -26,7 +26,8 @@ from dynident.model.friction.spring import Spring
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 
 SIGNAL = arrays(float, (4, 2), elements=st.floats(-5, 5))
 

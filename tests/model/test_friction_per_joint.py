@@ -15,7 +15,8 @@ from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.load import Load
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 
 EVERY = tuple(FRICTION.make(name) for name in FRICTION.names() if name not in ("asymmetric",))
 

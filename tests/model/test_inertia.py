@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 
 from dynident.arrays import Array
 from dynident.model.inertia import PSEUDO_BASIS, TEN, Inertia, skew
+from dynident.model.joint import rotation_about
 from dynident.model.parameters import to_pinocchio
-from dynident.model.robot import rotation_about
 
 LIMITED = st.floats(-1.0, 1.0)
 ETA = arrays(float, 10, elements=LIMITED)

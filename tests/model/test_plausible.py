@@ -11,6 +11,7 @@ from dynident import read_robot
 from dynident.model.body_constraints import DIRECTIONS, NEAREST, BodyConstraints, Constraints, Ellipsoid, ValueRange
 from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.inertia import Inertia
+from dynident.model.joint import rotation_about
 from dynident.model.plausible import (
     LEAST_DENSITY,
     REACH,
@@ -22,7 +23,7 @@ from dynident.model.plausible import (
     uniform_body,
     wider_bounds,
 )
-from dynident.model.robot import Robot, rotation_about
+from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Mesh, Sphere
 
 

@@ -13,19 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from dynident.errors import BadOption, UnknownChoice
 from dynident.model.inertia import Inertia
+from dynident.model.joint import Drive, Joint, JointLimits, Mimic, joint_pose, rotation_about
 from dynident.model.kernels import batched
 from dynident.model.plausible import consistency_defects
-from dynident.model.robot import (
-    Drive,
-    Frame,
-    Joint,
-    JointLimits,
-    Link,
-    Mimic,
-    Robot,
-    joint_pose,
-    rotation_about,
-)
+from dynident.model.robot import Frame, Link, Robot
 
 Z = np.array([0.0, 0.0, 1.0])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
-from dynident.model.robot import rotation_about
+from dynident.model.joint import rotation_about
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 X, Y, Z = np.eye(3)

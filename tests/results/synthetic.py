@@ -21,7 +21,8 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Robot
+from dynident.model.joint import Drive, Joint, JointLimits
+from dynident.model.robot import Frame, Link, Robot
 
 HOSTILE = (
     "<script>alert('x')</script>",

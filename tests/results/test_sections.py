@@ -23,7 +23,8 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import TEN, Inertia
-from dynident.model.robot import Link, Mimic
+from dynident.model.joint import Mimic
+from dynident.model.robot import Link
 from dynident.results.report.judgement import grade, tone
 from dynident.results.report.sections import SECTIONS, friction
 from dynident.results.report.subject import Comparison, Subject

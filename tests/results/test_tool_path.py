@@ -11,7 +11,8 @@ from synthetic import arm
 
 from dynident.arrays import Array
 from dynident.errors import UnknownChoice
-from dynident.model.robot import Frame, Robot, joint_pose
+from dynident.model.joint import joint_pose
+from dynident.model.robot import Frame, Robot
 from dynident.results.figures import ToolPath, path_chart, tool_path
 
 GENERATOR = np.random.default_rng(3)

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from dynident.arrays import Array
 from dynident.model.documents.numbers import Place, expression
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Robot, joint_pose
+from dynident.model.joint import joint_pose
+from dynident.model.robot import Robot
 from dynident.robot_files.formats.dh import modified_pose, read_dh, standard_pose
 
 TABLE = """\

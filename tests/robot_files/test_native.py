@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from dynident.errors import DescriptionError
 from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
+from dynident.model.joint import Drive, Joint, JointLimits, Mimic, rotation_about
+from dynident.model.robot import Frame, Link, Robot
 from dynident.robot_files import read_robot, shipped_robots
 
 number = st.floats(-1e6, 1e6)

@@ -9,7 +9,8 @@ import pytest
 
 from dynident.errors import DescriptionError
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.robot import Mimic, Robot
+from dynident.model.joint import Mimic
+from dynident.model.robot import Robot
 from dynident.robot_files.formats.sdf import SdfFile
 
 MOMENTS = "<inertia><ixx>.02</ixx><iyy>.03</iyy><izz>.04</izz><ixy>.001</ixy></inertia>"

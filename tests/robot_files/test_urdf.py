@@ -13,8 +13,9 @@ from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.inertia import Inertia
+from dynident.model.joint import joint_pose, rotation_about
 from dynident.model.plausible import consistency_defects
-from dynident.model.robot import Robot, joint_pose, rotation_about
+from dynident.model.robot import Robot
 from dynident.robot_files.formats.urdf import read_urdf
 
 DATA = Path(os.environ.get("DYNIDENT_DATA", Path(__file__).resolve().parents[4] / "shared" / "data"))

@@ -16,7 +16,7 @@ import dynident as di
 from dynident.cli.main import main
 from dynident.errors import DescriptionError, DynidentError, MissingDependency
 from dynident.model.documents.robot_data import robot_to_dict
-from dynident.model.robot import Drive
+from dynident.model.joint import Drive
 from dynident.model.shapes import Box
 from dynident.robot_files import read_robot
 

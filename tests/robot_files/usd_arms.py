@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.robot import Robot, rotation_about
+from dynident.model.joint import rotation_about
+from dynident.model.robot import Robot
 
 
 def single(values: Any) -> Array:

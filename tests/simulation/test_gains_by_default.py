@@ -10,7 +10,8 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Joint, JointLimits, Link, Robot
+from dynident.model.joint import Drive, Joint, JointLimits
+from dynident.model.robot import Link, Robot
 from dynident.simulation.cell import Cell, CellRun
 from dynident.simulation.cell_simulation import NEAR, simulate_cell
 from dynident.simulation.controllers import CONTROLLERS, Controller

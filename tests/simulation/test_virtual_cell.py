@@ -15,8 +15,9 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.inertia import Inertia
+from dynident.model.joint import Drive, Joint
 from dynident.model.kernels import batched
-from dynident.model.robot import Drive, Joint, Link, Robot
+from dynident.model.robot import Link, Robot
 from dynident.robot_files import read_robot
 from dynident.simulation.cell import Cell
 from dynident.simulation.cell_simulation import simulate_cell

@@ -17,8 +17,9 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.inertia import Inertia
+from dynident.model.joint import Drive, Joint, JointLimits, Mimic
 from dynident.model.kernels import batched
-from dynident.model.robot import Drive, Joint, JointLimits, Link, Mimic, Robot
+from dynident.model.robot import Link, Robot
 from dynident.robot_files import read_robot
 from dynident.simulation.controllers.pd import Pd
 from dynident.simulation.virtual_robot import Noise, Timing, simulate

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynident import Inertia, read_robot
-from dynident.model.robot import rotation_about
+from dynident.model.joint import rotation_about
 from dynident.robot_files import shipped_robots
 from dynident.studio.kinds import kind_of
 from dynident.studio.preview import curves, decimated

@@ -17,7 +17,7 @@ import pytest
 
 from dynident import FourierSeries, read_robot
 from dynident.identification.files.estimate_file import read_estimate
-from dynident.model.robot import joint_pose
+from dynident.model.joint import joint_pose
 from dynident.studio import views
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")

@@ -13,7 +13,8 @@ from dynident.errors import PoorExcitation
 from dynident.identification.identify import identify
 from dynident.model.base_parameters import base_parameters
 from dynident.model.friction import FRICTION, Motion
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 
 pin = pytest.importorskip("pinocchio")
 

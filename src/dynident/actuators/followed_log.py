@@ -14,7 +14,8 @@ from dynident.actuators.rollout import FIRST, HELD, mean_error, record_of, rolle
 from dynident.actuators.servo_log import ServoLog, check_gains, is_outside
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
-from dynident.model.robot import Joint, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dynident.actuators.estimate import JointActuator
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE, neutral
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.model.robot import Joint
+from dynident.model.joint import Joint
 
 #: Share of the loss of torque over speed that is viscous friction; the rest is back-EMF.
 VISCOUS_SHARE: Final = 0.2

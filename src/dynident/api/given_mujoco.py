@@ -11,7 +11,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import BadArgument, DescriptionError
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Frame, JointLimits, Mimic, Robot, rotation_about
+from dynident.model.joint import Drive, JointLimits, Mimic, rotation_about
+from dynident.model.robot import Frame, Robot
 from dynident.robot_files.leaders import carried_by_leaders, led_by_drives
 from dynident.robot_files.mjcf.bodies import FLOATING
 from dynident.robot_files.rotations import rotation_from_quaternion

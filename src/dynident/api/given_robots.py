@@ -14,7 +14,8 @@ from dynident.arrays import Array
 from dynident.errors import BadArgument
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot
+from dynident.model.joint import Drive, Joint, JointLimits, Mimic
+from dynident.model.robot import Frame, Link, Robot
 from dynident.robot_files import read_robot
 
 #: A robot: a value, a file or a name, a ``pinocchio.Model``, a ``mujoco.MjModel`` or ``MjSpec``.

@@ -37,7 +37,8 @@ from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, default_friction
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 from dynident.plugins import Family
 from dynident.robot_files import read_robot
 from dynident.robot_files.strict_yaml import load_yaml

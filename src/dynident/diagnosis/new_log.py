@@ -34,6 +34,7 @@ class NewLog:
         unlike: Where its residual is far beyond that of the training; empty where it is not.
         step: What to do about that.
         worthless: At how many of its joints, of how many, the model is worse than a constant.
+        is_still: Whether no joint moves in it.
         quality: What the log checks found in it against the estimate; None where they were not made.
         command: The command that looks for causes.
     """
@@ -44,6 +45,7 @@ class NewLog:
     unlike: str
     step: str
     worthless: tuple[int, int]
+    is_still: bool
     quality: Quality | None
     command: str
 
@@ -82,7 +84,10 @@ def new_log(
     name = ", ".join(names) if len(names) <= NAMED else f"{names[0]} and {len(names) - 1} more"
     error, trained = test.total_relative_error, estimate.train.total_relative_error
     quality = check() if told or 2 * worthless[0] > worthless[1] or is_asked else None
-    return NewLog(name, error, trained, told, step, worthless, quality, command)
+    if quality is not None:
+        step = unlike(estimate, test)[1]
+    is_still = not any(fit.samples for fit in test.moving)
+    return NewLog(name, error, trained, told, step, worthless, is_still, quality, command)
 
 
 def _is_worthless(now: Fit, then: Fit) -> bool:
@@ -102,10 +107,11 @@ def check_command(logs: Sequence[str], place: str = "ESTIMATE", case: str = "") 
     return f"dynident check {' '.join(map(shlex.quote, (case or 'CASE', *files)))} --against {shlex.quote(place)}"
 
 
-def unlike(estimate: Estimate, test: Validation, command: str) -> tuple[str, str]:
+def unlike(estimate: Estimate, test: Validation, command: str = "") -> tuple[str, str]:
     """Say where a log has another residual than the fit, and what to do; empty where it has none.
 
-    Another load, robot or unit is why, or a motion far from that of the fit.
+    Another load, robot or unit is why, or a motion far from that of the fit. ``command`` looks for the cause; empty
+    where that has been done.
     """
     signals = (test.measured, test.predicted, test.dq)
     if constant := constant_residual(estimate, *signals, test.standstill, test.deviations):
@@ -117,10 +123,11 @@ def unlike(estimate: Estimate, test: Validation, command: str) -> tuple[str, str
         return "", ""
     joint = max(times, key=lambda name: times[name])
     told = f"{joint}: the test residual is {times[joint]:.0f} times that of the training data"
-    look = f"'{command}' looks for a load, a unit or another robot"
+    look = [f"'{command}' looks for a load, a unit or another robot as its cause"] if command else []
+    weigh = "'dynident payload' weighs a load"
     if test.departure is not None and estimate.envelope is not None and test.departure.leaves():
         motion = "it leaves the ranges of the fit, train on such a log as well"
         if times[joint] < GRAVELY:
-            return told, f"{motion}; or {look} as its cause"
-        return told, f"{look} as its cause ('dynident payload' weighs a load); {motion}"
-    return told, f"{look} as its cause; 'dynident payload' weighs a load"
+            return told, "; or ".join((motion, *look))
+        return told, "; ".join((*look, weigh, motion))
+    return told, "; ".join((*look, weigh))

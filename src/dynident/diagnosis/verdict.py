@@ -88,7 +88,7 @@ class Verdict:
         criteria: The acceptance criteria, judged; none where none are stated.
         is_checked: Whether the log checks were made on the logs of the fit.
         apart: Logs of the fit that parameters of the other ones do not explain, by a warning.
-        warned: Titles of the other findings of the log checks at warning level.
+        warned: Other findings of the log checks at warning level, each name once with its joints.
         new: What logs that had no part in the fit say, where the verdict is on these.
     """
 
@@ -225,8 +225,15 @@ def verdict_of(
     judged = [_judged(name, limit, estimate, test, checked, on) for name, limit in stated.limits.items()]
     if new is not None:
         judged = [replace(one, detail=one.detail or on) if one.criterion == "log_checks" else one for one in judged]
-    warned = [own.title for own in _told_once(known or (), "warning", ("name", "joint")) if own.name != UNLIKE_OTHERS]
-    return Verdict(causes, tuple(judged), known is not None, logs_apart(known or ()), tuple(warned), new)
+    return Verdict(causes, tuple(judged), known is not None, logs_apart(known or ()), _warned(known or ()), new)
+
+
+def _warned(quality: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return the names of findings at warning level, each once with its joints; logs apart are told elsewhere."""
+    joints: dict[str, list[str]] = {}
+    for own in _told_once(quality, "warning", ("name", "joint")):
+        joints.setdefault(own.name, []).extend(filter(None, [own.joint]))
+    return tuple(f"{name} ({', '.join(at)})" if at else name for name, at in joints.items() if name != UNLIKE_OTHERS)
 
 
 def _causes_in(new: NewLog) -> tuple[ErrorFinding, ...]:

@@ -38,6 +38,8 @@ def new_log_line(new: NewLog) -> str:
         return f"{label(new.name)}: the estimate does not explain this log: {where} ({totals})"
     if new.unlike:
         return f"{label(new.name)}: {label(new.unlike)} ({totals})"
+    if new.is_still:
+        return f"{label(new.name)}: no joint moves, so that only the weight is compared ({totals})"
     return f"{label(new.name)}: no joint errs far beyond the training ({totals})"
 
 

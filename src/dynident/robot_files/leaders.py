@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.errors import BadOption, UnknownChoice
-from dynident.model.robot import Drive, Joint, JointLimits, Mimic, Robot
+from dynident.model.joint import Drive, Joint, JointLimits, Mimic
+from dynident.model.robot import Robot
 
 
 def carried_by_leaders(joints: Sequence[Joint]) -> tuple[Joint, ...]:

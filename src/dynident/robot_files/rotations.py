@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array
-from dynident.model.robot import rotation_about
+from dynident.model.joint import rotation_about
 
 
 def rotation_from_rpy(rpy: npt.ArrayLike) -> Array:

@@ -11,7 +11,7 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError, nearest
 from dynident.model.documents.numbers import check_name, check_order, shown
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, JointLimits, Mimic
+from dynident.model.joint import Drive, JointLimits, Mimic
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from dynident.robot_files.rotations import rotation_from_quaternion, rotation_from_rpy
 from dynident.robot_files.xml_elements import Element

@@ -10,7 +10,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.model.documents.numbers import Place, shown
 from dynident.model.inertia import Inertia
-from dynident.model.robot import STANDARD_GRAVITY, Drive, Frame, JointLimits, Robot
+from dynident.model.joint import Drive, JointLimits
+from dynident.model.robot import STANDARD_GRAVITY, Frame, Robot
 from dynident.model.shapes import Shape
 from dynident.robot_files.sdf_elements import (
     Pose,

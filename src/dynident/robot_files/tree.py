@@ -13,7 +13,8 @@ from dynident.arrays import Array
 from dynident.errors import nearest
 from dynident.model.documents.numbers import Place, shown
 from dynident.model.inertia import Inertia, impossible_parts
-from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
+from dynident.model.joint import Drive, Joint, JointLimits, Mimic, rotation_about
+from dynident.model.robot import Frame, Link, Robot
 from dynident.model.shapes import Shape
 
 #: Largest parameter of a link of next to no mass, as a share of the largest of all links.

@@ -14,7 +14,7 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError, MissingDependency
 from dynident.model.documents.numbers import Place
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive
+from dynident.model.joint import Drive
 from dynident.model.shapes import Shape
 from dynident.robot_files.tree import Connection
 

@@ -20,7 +20,7 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, JointLimits, Mimic
+from dynident.model.joint import Drive, JointLimits, Mimic
 from dynident.model.shapes import Shape
 from dynident.robot_files.rotations import rotation_from_quaternion
 from dynident.robot_files.tree import Connection, some

@@ -13,9 +13,10 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, UnknownChoice
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
+from dynident.model.joint import rotation_about
 from dynident.model.kernels import batched
 from dynident.model.kernels.generic import pack
-from dynident.model.robot import Robot, rotation_about
+from dynident.model.robot import Robot
 from dynident.simulation.cell import Cell
 from dynident.simulation.drive_friction import DriveFriction, drive_friction
 from dynident.simulation.effects import Payload, Tilt, each

@@ -16,7 +16,8 @@ from dynident.excitation.collision.covering import covering_capsules
 from dynident.excitation.collision.robot_capsules import robot_capsules
 from dynident.excitation.collision.workspace import Workspace
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Joint, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import Robot
 from dynident.model.shapes import Capsule, Mesh, Shape
 from dynident.robot_files.meshes import mesh_file, mesh_triangles
 from dynident.studio.folder import safe_name

@@ -10,7 +10,8 @@ from loaded_arms import BODY, CENTRE, GIVEN, MASS, LoadedArm
 
 from dynident.applications.drive_gains import METHODS, CarriedBody, DriveGains, GainOptions, gains_from_payload
 from dynident.errors import BadOption, LogMismatch, SolverFailed, UnknownChoice
-from dynident.model.robot import Drive, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Robot
 
 KNOWN = {
     "mass": CarriedBody(MASS),

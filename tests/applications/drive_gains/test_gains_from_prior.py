@@ -17,7 +17,8 @@ from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
 from dynident.identification.uncertainty.propagation import gain_slopes, gain_uncertainty
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Link, Robot
+from dynident.model.joint import Drive
+from dynident.model.robot import Link, Robot
 
 GAINS = np.array([14.0, -9.0, 6.0])
 

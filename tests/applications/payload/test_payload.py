@@ -22,7 +22,8 @@ from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption, LogMismatch, UnknownChoice
 from dynident.model.friction import Motion
-from dynident.model.robot import Frame, Joint, Link, Mimic, rotation_about
+from dynident.model.joint import Joint, Mimic, rotation_about
+from dynident.model.robot import Frame, Link
 
 BODY = Inertia.from_centre_of_mass(2.6, [0.05, 0.1, 0.04], np.diag([0.02, 0.015, 0.012]))
 GIVEN = Preprocessing(AsGiven(), rest="keep")

@@ -19,7 +19,8 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
-from dynident.model.robot import JointLimits, Robot
+from dynident.model.joint import JointLimits
+from dynident.model.robot import Robot
 
 FRICTION = ("coulomb", "viscous", "rotor_inertia")
 

@@ -8,7 +8,8 @@ from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.yaml_words import asked, offered, plain, quoted
 from dynident.data.formats._units import RATED
-from dynident.model.robot import Joint, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import Robot
 
 #: Share that the robot model has to explain before a rough gain is worth saying.
 _SURE = 0.9

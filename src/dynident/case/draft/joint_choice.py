@@ -12,7 +12,8 @@ from dynident.case.draft.column_groups import Group, groups_of, joint_columns
 from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import is_within
 from dynident.errors import nearest
-from dynident.model.robot import Joint, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import Robot
 
 
 @dataclass(frozen=True)

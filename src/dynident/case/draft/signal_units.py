@@ -13,7 +13,7 @@ from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import STILL, is_plausible
 from dynident.case.evidence.torques import agrees
 from dynident.data.formats._units import RATED, counted_unit, unit_of
-from dynident.model.robot import Joint
+from dynident.model.joint import Joint
 
 #: How the evidence begins where the name of a column has its unit.
 HEADER = "the header states"

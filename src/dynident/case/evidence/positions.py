@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.model.robot import Joint
+from dynident.model.joint import Joint
 
 #: How far a joint may leave its limits, in rad or m.
 SLACK = 0.05

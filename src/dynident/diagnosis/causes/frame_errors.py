@@ -14,7 +14,7 @@ from dynident.identification.problem.regressor_stream import motion_of
 from dynident.model.chain import PRISMATIC, Chain
 from dynident.model.friction import Motion
 from dynident.model.inertia import skew
-from dynident.model.robot import rotation_about
+from dynident.model.joint import rotation_about
 
 #: Standard deviations of an axis, rad and m: general tolerances of angles and lengths (ISO 2768-1, medium, of 0.12 to
 #: 0.4 m: 10 minutes of arc, 0.5 mm), of which a link has several.

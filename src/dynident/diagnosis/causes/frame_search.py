@@ -20,7 +20,8 @@ from dynident.diagnosis.causes.model_error import ModelError
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.finding import Finding, listed
 from dynident.model.base_parameters import base_parameters
-from dynident.model.robot import Robot, rotation_about
+from dynident.model.joint import rotation_about
+from dynident.model.robot import Robot
 
 #: Names of the causes that are errors of a link's frame, by rad and by m.
 AXES = TURNED_AXIS, MOVED_AXIS = "turned axis", "displaced axis"

@@ -17,7 +17,7 @@ from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends, leaned
 from dynident.diagnosis.finding import Finding, Severity
 from dynident.model.friction import FRICTION
-from dynident.model.robot import Joint
+from dynident.model.joint import Joint
 
 #: Share of a joint's residual variance that a cause explains, and share of the joint's torque, or of all torques where
 #: it acts on the whole arm or on what all bodies behind a joint are, that it has, from which the result suffers.

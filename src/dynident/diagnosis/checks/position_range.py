@@ -22,7 +22,7 @@ from dynident.data.formats._units import counted_unit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, listed
 from dynident.identification.problem.problem import rest_speeds
-from dynident.model.robot import Joint
+from dynident.model.joint import Joint
 
 #: Travel in rad or m up to which that of a joint at rest may be noise, and that of white noise, between its 0.5th and
 #: its 99.5th percentile, over the deviation of its steps from sample to sample, with a margin for chance.

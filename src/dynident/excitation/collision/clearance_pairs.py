@@ -10,7 +10,8 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.excitation.collision.robot_capsules import travel
 from dynident.excitation.collision.workspace import Workspace, body_of, link_names
-from dynident.model.robot import Joint, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import Robot
 from dynident.model.shapes import Capsule
 
 #: Kinds of tests, as in clearance_kernel.py, which is not imported for them: it brings numba.

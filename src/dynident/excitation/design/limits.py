@@ -13,7 +13,8 @@ from dynident.excitation.collision.tool_speed import ToolPoint
 from dynident.excitation.design.distances import Distances, least_distances
 from dynident.excitation.trajectories.base import Trajectory
 from dynident.model.friction import Motion
-from dynident.model.robot import Joint, JointLimits, Robot
+from dynident.model.joint import Joint, JointLimits
+from dynident.model.robot import Robot
 
 #: By how much a bound may be passed in the check: rounding only.
 TOLERANCE = 1e-9

@@ -21,8 +21,9 @@ from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, friction_notes, left_out, place_beside
 from dynident.exports.models.writing.mjcf_own import beside, patched_mjcf
 from dynident.exports.models.writing.xml_text import checked_names, number, numbers, quaternion, unused_name
+from dynident.model.joint import Joint, rotation_about
 from dynident.model.parameters import to_mujoco_fullinertia
-from dynident.model.robot import Joint, Robot, rotation_about
+from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed
 from dynident.robot_files.tree import some

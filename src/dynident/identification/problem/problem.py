@@ -19,8 +19,9 @@ from dynident.identification.problem.regressor_stream import RegressorStream, mo
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.joint import Joint
 from dynident.model.reduction import Reduced, Triangle, reduce
-from dynident.model.robot import Joint, Robot
+from dynident.model.robot import Robot
 
 #: Travel in m of a slide whose limits are not known, and the longest that counts.
 TRAVEL, LONGEST_TRAVEL = 0.25, 1.0

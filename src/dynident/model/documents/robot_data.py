@@ -14,7 +14,8 @@ from dynident.model.documents.numbers import check_name, shown
 from dynident.model.documents.sections import LIMITS, Section, read_coupling, read_drive, read_limits
 from dynident.model.documents.shape_data import read_rotation, read_shapes, shapes_to_list
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Frame, Joint, Link, Mimic, Robot
+from dynident.model.joint import Drive, Joint, Mimic
+from dynident.model.robot import Frame, Link, Robot
 
 SCHEMA: Final = "dynident-robot"
 VERSIONS: Final = FileVersions("a robot", key="version")

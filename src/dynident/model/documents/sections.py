@@ -13,7 +13,7 @@ from dynident.arrays import Array
 from dynident.errors import nearest
 from dynident.file_versions import FileVersions
 from dynident.model.documents.numbers import LARGEST, Place, check_name, check_order, expression, in_range, shown
-from dynident.model.robot import Drive, JointLimits
+from dynident.model.joint import Drive, JointLimits
 
 LIMITS: Final = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
 

@@ -10,7 +10,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.model.documents.sections import LIMITS, Section, read_coupling, read_drive, read_limits
 from dynident.model.inertia import Inertia
-from dynident.model.robot import STANDARD_GRAVITY, Frame, Joint, Link, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import STANDARD_GRAVITY, Frame, Link, Robot
 from dynident.robot_files.formats.base import Description
 from dynident.robot_files.rotations import rotation_from_rpy
 from dynident.robot_files.strict_yaml import load_yaml

@@ -14,7 +14,8 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError, nearest
 from dynident.model.documents.numbers import Place, check_name, check_order, decimal, shown
 from dynident.model.inertia import Inertia
-from dynident.model.robot import JointLimits, Mimic, Robot
+from dynident.model.joint import JointLimits, Mimic
+from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from dynident.robot_files.formats.base import Description
 from dynident.robot_files.rotations import rotation_from_quaternion, rotation_from_rpy

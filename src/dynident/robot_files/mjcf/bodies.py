@@ -12,7 +12,8 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Frame, JointLimits, rotation_about
+from dynident.model.joint import Drive, JointLimits, rotation_about
+from dynident.model.robot import Frame
 from dynident.model.shapes import Shape
 from dynident.robot_files.mjcf.body_inertia import inertia_of_body, stated_body
 from dynident.robot_files.mjcf.document import CompilerSettings, MjcfDocument

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.model.documents.numbers import shown
-from dynident.model.robot import rotation_about
+from dynident.model.joint import rotation_about
 from dynident.robot_files.mjcf.document import CompilerSettings
 from dynident.robot_files.rotations import rotation_from_euler, rotation_from_quaternion, rotation_to_axis
 from dynident.robot_files.xml_values import Values

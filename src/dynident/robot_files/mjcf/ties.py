@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from dynident.model.documents.numbers import shown
-from dynident.model.robot import Drive, Mimic
+from dynident.model.joint import Drive, Mimic
 from dynident.robot_files.mjcf.bodies import LOOPS, WORLD, MjcfTree, is_limited
 from dynident.robot_files.mjcf.defaults import ACTUATORS
 from dynident.robot_files.mjcf.document import MjcfDocument

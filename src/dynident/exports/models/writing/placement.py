@@ -10,7 +10,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import DescriptionError
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Joint, Robot, rotation_about
+from dynident.model.joint import Joint, rotation_about
+from dynident.model.robot import Robot
 from dynident.robot_files.tree import Connection, some
 
 #: Largest difference between a pose of the file and one of the model, in m and as entries of a rotation.

@@ -13,7 +13,8 @@ from dynident.exports.models.subject.drives import Drives
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.writing.xml_text import along, checked_names, number, numbers, roll_pitch_yaw, unused_name
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Joint, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
 #: SDF of libsdformat 10 and later: poses relative to named frames (1.7); read unchanged by later ones.

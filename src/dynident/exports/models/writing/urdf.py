@@ -26,7 +26,8 @@ from dynident.exports.models.writing.xml_edit import (
 )
 from dynident.exports.models.writing.xml_text import along, checked_names, number, numbers, roll_pitch_yaw, unused_name
 from dynident.model.inertia import Inertia
-from dynident.model.robot import STANDARD_GRAVITY, Joint, Robot
+from dynident.model.joint import Joint
+from dynident.model.robot import STANDARD_GRAVITY, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from dynident.robot_files.formats.urdf import read_urdf_bodies
 from dynident.robot_files.tree import some
