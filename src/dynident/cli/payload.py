@@ -65,7 +65,6 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.applications import payload
     from dynident.applications.payload import BeforeRun, vendor_forms
-    from dynident.applications.payload.statement import mass_doubt
     from dynident.applications.payload.vendor_forms import unplaced_step
     from dynident.cli import console, jobs
     from dynident.identification.files.estimate_file import read_estimate
@@ -90,13 +89,12 @@ def run(options: argparse.Namespace) -> int:
         _show(found, forms, weighed=None if options.mass_std else options.mass)
     if found.placed:
         return 0
-    why = mass_doubt(found.mass) or unplaced_step(found)
-    console.remark(f"error: {', '.join(found.logs)}: {', '.join(found.unknown)} not determined well enough: {why}")
+    unknown = f"{', '.join(found.unknown)} not determined well enough"
+    console.remark(f"error: {', '.join(found.logs)}: {unknown}: {unplaced_step(found)}")
     return 1
 
 
 def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -> None:
-    from dynident.applications.payload.statement import mass_doubt
     from dynident.applications.payload.vendor_forms import unplaced_step
     from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
@@ -128,6 +126,7 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
     console.answer("\nroot mean square torque that is left, without and with the payload in the model:")
     for name, (without, with_it) in found.residual.items():
         console.answer(f"  {label(name)}: {format_number(without, 3)}, {format_number(with_it, 3)}")
+    why = ""
     if forms:
         inertia = "" if found.inertia_known else " (inertia left out: the log does not tell all of it)"
         console.answer(f"\nfor controllers, from the origin of {label(found.frame)}{inertia}:")
@@ -136,7 +135,8 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
     else:
         unknown = ", ".join(found.unknown)
         console.answer()
-        step = mass_doubt(found.mass) or unplaced_step(found)
-        console.answer_text(f"no form for controllers: {unknown} not determined well enough; {step}")
+        why = unplaced_step(found)
+        console.answer_text(f"no form for controllers: {unknown} not determined well enough; {why}")
     for remark in found.remarks:
-        console.answer_text(f"remark: {remark}")
+        if remark != why:
+            console.answer_text(f"remark: {remark}")

@@ -11,13 +11,16 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.applications.payload.carried_load import CarriedLoad
+from dynident.applications.payload.statement import mass_doubt
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.inertia import Inertia
 
 
 def unplaced_step(load: CarriedLoad) -> str:
-    """Return what to do where mass or centre of mass are not determined."""
+    """Return why mass or centre of mass are not determined where the mass is no load's, else what to do."""
+    if doubt := mass_doubt(load.mass):
+        return doubt
     mass = ", or state --mass" if not load.mass.known else ""
     centre = "; where no axis does, as along the axes of a SCARA, enter a measured centre of mass in the controller"
     return f"record larger and faster motions that turn the payload against gravity{mass}{centre}"
