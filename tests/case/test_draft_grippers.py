@@ -72,7 +72,7 @@ def test_what_stands_under_the_noise_of_its_encoder_does_not_jump(
 ) -> None:
     still = 0.02 + 1e-4 * np.random.default_rng(1).integers(0, 3, 3000)
     draft = draft_case(arm, write_log(tmp_path / "run.csv", logged(with_gripper(motion, still), "names")), tmp_path)
-    assert not draft.recognition.stepping and "gripper never moves" in draft.text
+    assert not draft.recognition.grippers and "gripper never moves" in draft.text
 
 
 def test_where_the_arm_is_in_degrees_the_unit_of_what_stands_is_asked(
@@ -99,10 +99,31 @@ def test_a_gripper_that_jumps_is_locked_and_sets_no_cut_off(
     np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
 
 
+@pytest.mark.parametrize(("mass", "effort", "is_read"), [(0.005, 0.0, False), (0.5, 0.0, True), (0.005, None, True)])
+def test_fingers_without_a_measured_torque_are_locked(
+    motion: dict[str, Array], tmp_path: Path, mass: float, effort: float | None, is_read: bool
+) -> None:
+    """Drivers write one effort for fingers; the draft had read them, and `identify` refused the log.
+
+    A slide of 0.5 kg moves the centre of mass of the fore arm too far; a finger whose effort is measured is read.
+    """
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(URDF.replace("</robot>\n", GRIPPER.replace('mass value="0.1"', f'mass value="{mass}"')))
+    opens = with_gripper(motion, 0.05 + 0.05 * np.sin(2 * np.pi * 0.4 * motion["time"]))
+    opens["torque"][:, 2] = np.random.default_rng(2).normal(0, 0.2, 3000) if effort is None else effort
+    draft = draft_case(str(arm), write_log(tmp_path / "run.csv", logged(opens, "names")), tmp_path)
+    case = read(draft, tmp_path)
+    assert ("gripper" in case.robot.joint_names) == is_read and ("gripper" in draft.recognition.grippers) != is_read
+    if not is_read:
+        assert case.locked["gripper"] == pytest.approx(0.05, abs=1e-3) and "hardly moves a mass" in draft.text
+
+
 def test_the_rate_of_a_draft_is_at_most_that_of_the_log(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
     quick = 0.05 + 0.04 * np.sin(2 * np.pi * 30 * motion["time"])  # a motion, and not of a few values
-    draft = draft_case(arm, write_log(tmp_path / "run.csv", logged(with_gripper(motion, quick), "names")), tmp_path)
-    assert draft.recognition.stepping == {} and draft.recognition.joints.names == NAMES
+    driven = with_gripper(motion, quick)
+    driven["torque"][:, 2] += quick
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", logged(driven, "names")), tmp_path)
+    assert draft.recognition.grippers == {} and draft.recognition.joints.names == NAMES
     assert read(draft, tmp_path).preprocessing.rate_hz == pytest.approx(500.0)
 
 

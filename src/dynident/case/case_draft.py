@@ -307,9 +307,8 @@ def _remarks(found: Recognised) -> list[str]:
         one, many = "never moves; it is locked where it stands", "never move; they are locked where they stand"
         step = "record a motion of all joints to identify all"
         remarks.append(f"{few(still)} {many if len(still) > 1 else one}; {step}")
-    for name, (_, count) in found.stepping.items():
-        what = f"{name} jumps between {count} positions, of which no acceleration can be made: its columns are not read"
-        remarks.append(f"{what}, and it is locked in their middle")
+    for name, (_, why) in found.grippers.items():
+        remarks.append(f"{name} {why}: its columns are not read, and it is locked in the middle of its positions")
     if held := found.without_effort:
         what = f"{few(list(held), 4)} {'has' if len(held) == 1 else 'have'} positions and neither torques nor currents"
         remarks.append(f"{what}: locked in the middle of the positions; locked: rest is at 0, a mimic joint follows")

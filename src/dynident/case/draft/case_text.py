@@ -157,9 +157,9 @@ def _joints(found: Recognised) -> list[str]:
     robot, joints = found.robot, found.joints
     missing = [name for name in robot.joint_names if name not in joints.names]
     held = {name: middle for name, (_, middle) in found.without_effort.items()}
-    known = {**found.still, **{name: middle for name, (middle, _) in found.stepping.items()}, **held}
-    jumping = [f"{plain(few(list(found.stepping), 4))} jumps: in the middle of its positions"] * bool(found.stepping)
-    jumping += [f"no torques or currents of {plain(few(list(held), 4))}: in the middle of their positions"] * bool(held)
+    known = {**found.still, **{name: middle for name, (middle, _) in found.grippers.items()}, **held}
+    grips = [f"{plain(few(list(found.grippers), 4))} in the middle of the positions"] * bool(found.grippers)
+    grips += [f"no torques or currents of {plain(few(list(held), 4))}: in the middle of their positions"] * bool(held)
     lines = []
     if not joints.certain:
         count = len(found.sources["q"].columns) if "q" in found.sources else 0
@@ -176,7 +176,7 @@ def _joints(found: Recognised) -> list[str]:
         lines.append(asked("locked", f"{told} write {{joint: position}}"))
     elif known and not set(missing) - known.keys():
         values = ", ".join(f"{quoted(name)}: {value:.6g}" for name, value in known.items())
-        where = ["they stand still in the log, here"] * bool(found.still) + jumping
+        where = ["they stand still in the log, here"] * bool(found.still) + grips
         lines.append(f"locked: {{{values}}}   # {'; '.join(where)}")
     elif known:
         values = {**dict.fromkeys(missing, 0.0), **known}
@@ -242,7 +242,7 @@ def _optional_rotors(found: Recognised) -> list[str]:
     )
     if found.moving is None or not found.joints.certain:
         return [one]
-    held = {*found.still, *found.stepping, *found.without_effort}.intersection(found.moving.joint_names)
+    held = {*found.still, *found.grippers, *found.without_effort}.intersection(found.moving.joint_names)
     if len(held) == found.moving.dof:
         return [one]
     robot = found.moving.locked(dict.fromkeys(held, 0.0))
@@ -348,7 +348,7 @@ def _rest_share(found: Recognised) -> float:
     slowest = np.full(q.shape[1], _STANDSTILL)
     if found.moving is not None and len(names) == len(slowest):
         slowest = rest_speeds(found.moving, _STANDSTILL)[[found.moving.joint_names.index(name) for name in names]]
-    held = found.still.keys() | found.stepping.keys() | found.without_effort.keys()
+    held = found.still.keys() | found.grippers.keys() | found.without_effort.keys()
     free = [k for k in range(len(slowest)) if len(names) != len(slowest) or names[k] not in held]
     return float(at_rest(np.gradient(q, step, axis=0), slowest, 1 / step)[:, free].mean()) if free else 1.0
 

@@ -34,10 +34,10 @@ from dynident.case.draft.stated_units import (
     units_in_names,
     units_of_profile,
 )
-from dynident.case.draft.stepping_joints import with_held, without_steps
 from dynident.case.draft.tied_columns import with_sums, without_followers
 from dynident.case.draft.time_unit import time_unit_of, velocity_ratio
 from dynident.case.draft.unnamed_columns import by_structure, clock_by_values, with_missing_signals, with_named_efforts
+from dynident.case.draft.unread_joints import with_held, without_grippers
 from dynident.case.draft.yaml_words import few, listed, quoted
 from dynident.case.evidence.positions import STILL, strays, travel
 from dynident.case.evidence.torques import torque_evidence
@@ -194,7 +194,7 @@ def _by_values(found: Recognised) -> Recognised:
     if not found.profiles and tied is None and not found.without_effort:
         group = next(g for g in column_groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
         found = replace(found, joints=choose_joints(found.robot, group, _likely_si(q, stated["q"])))
-    found = without_steps(replace(found, units=units))
+    found = without_grippers(replace(found, units=units))
     q = np.concatenate([reading.signals["q"] for reading in found.readings])
     moving = found.moving
     found = _with_wrapped(found)

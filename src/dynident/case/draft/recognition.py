@@ -71,7 +71,8 @@ class Recognised:
         evidence: What the robot model's masses say about torques or currents.
         band_hz: Band of the motion; 0 where it is not known.
         still: Position in rad or m of the joints that stand still.
-        stepping: Joints that jump between a few positions: the middle of these in rad or m, and how many they are.
+        grippers: Joints that jump between a few positions, or have no torque to speak of and move next to no mass: the
+            middle of their positions in rad or m, and why they are not read.
         left_out: Signals whose columns were found and are not read, and why.
         temperature: The temperatures of the drives; None where none are read.
         without_effort: Joints with positions and, unlike others, neither torques nor currents: the column and, once it
@@ -101,7 +102,7 @@ class Recognised:
     evidence: TorqueEvidence | None = None
     band_hz: float = 0.0
     still: Mapping[str, float] = field(default_factory=dict)
-    stepping: Mapping[str, tuple[float, int]] = field(default_factory=dict)
+    grippers: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
     temperature: SignalSource | None = None
     without_effort: Mapping[str, tuple[str, float]] = field(default_factory=dict)

@@ -58,7 +58,8 @@ class Resolution(Check):
         if log.torque is not None:
             flat = [name for name, column in zip(log.joints, log.torque.T, strict=True) if np.ptp(column) == 0]
             if flat:
-                remedy = "map the column that measures it (log: columns: torque)"
+                remedy = "map the column that measures it (log: columns: torque); a gripper is locked (locked: "
+                remedy += f"{{{flat[-1]}: POSITION}}) and its columns left out"
                 found.append(Finding("error", "torque never changes", listed(flat), "one value in all rows", remedy))
         return found
 
