@@ -1,4 +1,4 @@
-"""Steps of the time: its unit, gaps and jitter, and a cut-off that they cannot carry."""
+"""Steps of the time: its unit, gaps, lost rows and jitter, and a cut-off that they cannot carry."""
 
 from __future__ import annotations
 
@@ -12,13 +12,18 @@ from dynident.case.evidence.rows import POSSIBLE_STEPS, is_step, time_units
 from dynident.data.formats._units import UNITS, unit_of
 from dynident.data.preprocessing import gap_remedy, longest_step
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.finding import Finding, Severity
 
 #: Median steps from which a step is a gap.
 LONG = 10.0
 
 #: Share of the median step by which steps scatter (root mean square) before interpolation shows in the derivatives.
 JITTER = 0.5
+
+#: Share of the median step by which steps may scatter (root mean square) about whole multiples of it where rows are
+#: missing (steps of any length scatter by 0.29), share of the scatter that is left then at most, and share of missing
+#: rows from which they are a warning.
+WHOLE, MOST, MANY_LOST = 0.15, 0.7, 0.02
 
 #: Share of the samples below the speed that counts as a joint's largest.
 FAST = 0.999
@@ -29,7 +34,7 @@ CRAWLS, PLAUSIBLE = 2e-3, (0.02, 1.5)
 
 @dataclass(frozen=True)
 class TimeSteps(Check):
-    """The unit of the time, a cut-off that its steps cannot carry, gaps that cannot be bridged, and jitter."""
+    """The unit of the time, a cut-off that its steps cannot carry, gaps, missing rows and jitter."""
 
     stage: ClassVar[int] = 0
 
@@ -43,7 +48,13 @@ class TimeSteps(Check):
         middle = float(np.median(steps))
         if not is_step(middle) or _is_slow(subject, middle):
             return [_unit(subject, middle)]
-        return [*_cutoff(subject), *_gaps(subject, middle), *_jitter(steps[steps <= LONG * middle], middle)]
+        written = np.diff(subject.raw.log.time)  # with the rows that have values missing
+        steps = written if np.all(written > 0) else steps
+        steps = steps[steps <= LONG * middle]
+        counts = np.maximum(np.rint(steps / middle), 1.0)
+        lost = _lost_rows(steps, counts, middle)
+        steps = steps - (counts - 1.0) * middle if lost else steps
+        return [*_cutoff(subject), *_gaps(subject, middle), *lost, *_jitter(steps, middle)]
 
 
 def _speed_share(subject: CheckedLog) -> float:
@@ -123,6 +134,20 @@ def _gaps(subject: CheckedLog, middle: float) -> list[Finding]:
         return [Finding("error", "gap in time", "", evidence, gap_remedy(float(steps[worst])), numbers)]
     remedy = "samples near them are left out of the fit; look for what stopped the recorder"
     return [Finding("warning", "gap in time", "", evidence, remedy, numbers)]
+
+
+def _lost_rows(steps: np.ndarray, counts: np.ndarray, middle: float) -> list[Finding]:
+    """Return that rows are missing, where ``counts`` times the median step explains most of how the steps scatter."""
+    lost, places, most = int(np.sum(counts - 1)), int(np.sum(counts > 1)), int(counts.max()) - 1
+    rest, scatter = (float(np.sqrt(np.mean(off**2))) / middle for off in (steps - counts * middle, steps - middle))
+    if not lost or rest > min(WHOLE, MOST * scatter):
+        return []
+    share = lost / (len(steps) + lost)
+    where = f"in {places} places, up to {most} in a row" if places > 1 else "in one place"
+    evidence = f"{lost} rows ({100 * share:.2g} %) are missing {where}; the median step is {1e3 * middle:.4g} ms"
+    remedy = "look for what stops the recorder; missing rows are interpolated"
+    severity: Severity = "warning" if share > MANY_LOST else "note"
+    return [Finding(severity, "lost rows", "", evidence, remedy, {"rows": lost, "share": share})]
 
 
 def _jitter(steps: np.ndarray, middle: float) -> list[Finding]:
