@@ -19,7 +19,6 @@ from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, ends, load_columns, own_inertia
 from dynident.diagnosis.causes.known_bodies import LEAST, KnownBodies, NominalBodies
 from dynident.diagnosis.causes.model_error import FitErrors
-from dynident.diagnosis.causes.quick_fit import OVERSAMPLING
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
 from dynident.model.lapack import inverse_positive
@@ -141,9 +140,7 @@ class Anchored(CauseSearch):
         if slot is not None:
             surprise += float(beta[slot[TOLD:]] @ beta[slot[TOLD:]]) / own
             beta[slot] = turn @ beta[slot]
-        told = self._slot(chosen, -1)[: self.causes[chosen[-1]].told if chosen else 0]
-        share = _share_of_bodies(information, np.diag(inverse) / sizes**2, free, told)
-        score, freedom = float(np.sum(np.log(variances))), known.freedom(prior, left) / share**2
+        score, freedom = float(np.sum(np.log(variances))), known.freedom(prior, left)
         return Solved(beta, variances, score, information, surprise, freedom), (variances, shares, load)
 
     def _slot(self, chosen: Sequence[int], which: int) -> IntArray:
@@ -169,7 +166,10 @@ class Anchored(CauseSearch):
         blame = super()._blame(before, after, chosen, counted)
         roots = np.sqrt(self._widenings(after, chosen))
         covariance = blame.covariance * np.outer(roots, roots)
-        return replace(blame, covariance=covariance + self._by_moments(after, chosen))
+        told = self._slot(chosen, -1)[: blame.cause.told]
+        share = _share_of_bodies(after, np.setdiff1d(np.arange(len(after.beta)), self._known.places), told)
+        by_moments = self._by_moments(after, chosen)
+        return replace(blame, covariance=covariance + by_moments, freedom=after.freedom / share**2)
 
     def _by_moments(self, after: Solved, chosen: Sequence[int]) -> float:
         """Return the variance of a rotor inertia, the last cause, by errors of the moments of inertia of the bodies.
@@ -241,15 +241,14 @@ def _turn(grams: Array, sides: Array, slot: IntArray, turn: Array) -> None:
     sides[:, slot] = sides[:, slot] @ turn
 
 
-def _share_of_bodies(information: Array, variances: Array, rest: IntArray, told: IntArray) -> float:
-    """Return the share of the variances (k,) of coefficients that is from errors of the bodies, above 0, 1 for none.
+def _share_of_bodies(solved: Solved, rest: IntArray, told: IntArray) -> float:
+    """Return the share of the variances of coefficients ``told`` (k,) that is from errors of the bodies, above 0.
 
     Where it is small the rows make the interval, and these are many (Satterthwaite 1946).
     """
-    if not len(told):
-        return 1.0
-    certain = np.diag(np.linalg.pinv(information[np.ix_(rest, rest)], hermitian=True))[np.searchsorted(rest, told)]
-    return float(np.clip(np.mean(1.0 - certain / variances[told]), 1e-6, 1.0))
+    certain = np.diag(np.linalg.pinv(solved.information[np.ix_(rest, rest)], hermitian=True))
+    shares = 1.0 - certain[np.searchsorted(rest, told)] / np.diag(solved.covariance)[told]
+    return float(np.clip(np.mean(shares), 1e-6, 1.0))
 
 
 class AgainstBodies:
@@ -268,16 +267,14 @@ class AgainstBodies:
 
         A load has ten parameters: of as few combinations of bodies of a robot model it explains whatever errors.
         """
-        fit, rows = self.fit, self.fit.rows
-        target = rows.torque - rows.known
-        found = CauseRows(rows.blocks, rows.columns, fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
+        fit = self.fit
         causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
         if len(self._known.places) > TEN or not isinstance(self._known, NominalBodies):
             for joint, link in ends(fit).items():
                 causes.append(Cause("load at the flange", joint, load_columns(fit, link), hidden=TEN - TOLD))
         causes.append(Cause(*OF_ALL, self.bodies[None]))
         factors = fit.counts / fit.independent_rows
-        return Anchored(found, causes, self._known, factors, lambda: self._trends.errors)
+        return Anchored(self._trends.rows, causes, self._known, factors, lambda: self._trends.errors)
 
     @cached_property
     def masses(self) -> Array:

@@ -166,8 +166,10 @@ class CauseSearch:
 
     def products(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Return W_i' W_i (n, k, k) and W_i' tau_i (n, k) of each joint with the columns of some of the causes."""
-        use = self.used(chosen)
-        return self.columns.grams[:, use[:, None], use], self.columns.sides[:, use]
+        use, grams = self.used(chosen), self.columns.grams
+        places = (use[:, None] * grams.shape[1] + use).ravel()
+        found = grams.reshape(len(grams), -1).take(places, axis=1)
+        return found.reshape(len(grams), len(use), len(use)), self.columns.sides[:, use]
 
     @cached_property
     def spectrum(self) -> NoiseSpectrum:
@@ -374,8 +376,7 @@ class CauseSearch:
         values, covariance = after.beta[-size:], after.covariance[-size:, -size:] * times
         torque = np.tensordot(values, cause.columns, 1)
         values, covariance = values[: cause.told], covariance[: cause.told, : cause.told]
-        masks, measured, counts = self.rows.masks, self.rows.measured, self.rows.counts
-        own, whole = (np.sqrt(np.sum(np.where(masks, one, 0.0) ** 2, axis=0) / counts) for one in (torque, measured))
+        own, whole = self.rows.mean_size(torque), self.rows.measured_size
         size_of_all = max(float(np.linalg.norm(whole)), 1e-300)
         return Blame(
             cause,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
-from itertools import chain, combinations, pairwise
+from itertools import chain, combinations, pairwise, permutations
 
 import numpy as np
 
@@ -33,6 +33,9 @@ FEEDS, FEEDS_SHARE = -6.0, -0.05
 
 #: Gain of the score from which a sign is turned at a joint that friction drives.
 FED = -0.5
+
+#: Joints up to which all orders of their torques are tried.
+FEW = 7
 
 #: Other units of a position by the kind of the joint: the factor, its name, and the travel as read, in rad or m, that
 #: is no usual one: of a unit that makes it smaller from there on, of one that makes it larger up to there.
@@ -137,7 +140,10 @@ def _assigned_order(fit: QuickFit) -> tuple[int, ...]:
     costs = np.log(np.maximum(np.array(left) / whole, EXACT**2))
     if np.array_equal(np.argmin(costs, axis=1), plain):
         return plain
-    from scipy.optimize import linear_sum_assignment  # loads slowly
+    if joints <= FEW:  # all orders are tried in less time than SciPy's assignment takes to load
+        orders = np.array(list(permutations(plain)))
+        return tuple(orders[np.argmin(costs[plain, orders].sum(axis=1))].tolist())
+    from scipy.optimize import linear_sum_assignment
 
     return tuple(linear_sum_assignment(costs)[1].tolist())
 

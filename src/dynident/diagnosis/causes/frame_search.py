@@ -51,6 +51,7 @@ def blames_beside_frames(
         measured=rows.measured[some],
         masks=rows.masks[some],
         oversampling=1.0,
+        made={},
     )
     others = [replace(cause, columns=cause.columns[:, some]) for cause in causes]
     return CauseSearch(few, [*others, *_frame_causes(fit, error.frames)], few.shared).blames()

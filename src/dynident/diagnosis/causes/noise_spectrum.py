@@ -53,7 +53,7 @@ class NoiseSpectrum:
         return cls(np.maximum(1.0 - _averaged(taken, half), FEWEST_FREE), half, size)
 
     def transformed(self, series: Array) -> Array:
-        """Return the Fourier transforms of series (k, N), real and imaginary parts in turns, shape (k, 2 F)."""
+        """Return the Fourier transforms of series (k, N), real parts and then imaginary ones, shape (k, 2 F)."""
         return _transformed(series, self.size, self.left.shape[1])
 
     def sums(self, joint: int, residuals: Array, columns: Array, ends: IntArray) -> tuple[Array, Array]:
@@ -78,12 +78,16 @@ class NoiseSpectrum:
 
 def _transformed(series: Array, size: int, count: int) -> Array:
     """Return the transforms of series (k, N) at the first ``count`` of ``size`` frequencies, shape (k, 2 F)."""
-    return np.ascontiguousarray(np.fft.rfft(series, size)[:, :count]).view(float)
+    found = np.fft.rfft(series, size)[:, :count]
+    return np.concatenate([found.real, found.imag], axis=1)
 
 
 def _power(transforms: Array) -> Array:
     """Return the power at each frequency, whose mean over the circle is the sum of squares, shape (k, F)."""
-    return transforms[:, ::2] ** 2 + transforms[:, 1::2] ** 2
+    real, imaginary = np.hsplit(transforms, 2)
+    power = real**2
+    power += imaginary**2
+    return power
 
 
 def _averaged(values: Array, half: int) -> Array:

@@ -55,9 +55,8 @@ class Trends:
         """
         self.fit, self._logged = fit, logged
         self._log = fit.rows.prepared.log
-        coupling = np.asarray(fit.model.robot.coupling)
-        self._coupling = coupling
-        self._speed = np.asarray(self._log.dq) @ coupling.T
+        self._coupling = np.asarray(fit.model.robot.coupling)
+        self._speed = np.asarray(self._log.dq) @ self._coupling.T
 
     @cached_property
     def blames(self) -> tuple[Blame, ...]:
@@ -77,12 +76,12 @@ class Trends:
         is a fall of Schwarz's criterion.
         """
         others = [cause for cause in self.causes if cause.name != "time scale"]
-        found, robot = blames_beside_frames(self.fit, self._rows, others, self._error), self.fit.model.robot
+        found, robot = blames_beside_frames(self.fit, self.rows, others, self._error), self.fit.model.robot
         best = sorted((blame for blame in found if blame.cause.name in AXES), key=lambda blame: -blame.share)[:1]
         axes = axes_off(found, robot) or axes_off(best, robot)
         if not axes:
             return (), 0.0
-        worth, clock = self._rows.worth, [cause.name for cause in self._tangents.causes].index("time scale")
+        worth, clock = self.rows.worth, [cause.name for cause in self._tangents.causes].index("time scale")
         plain, fast = (self._tangents.fit(chosen).variances for chosen in ([], [clock]))
         right, rows = corrected(self.fit, axes).plain.variances, float(np.log(worth.sum()))
         by_axes = float(worth @ np.log(plain / right)) - rows * sum(len(blame.values) for blame in axes)
@@ -143,7 +142,7 @@ class Trends:
         for i, name in enumerate(names):
             columns = (fading[:, i], fading[:, i] * load[:, i])
             every.append(_cause(FADING, name, *(self._at_drive(i, column) for column in columns)))
-        return CauseSearch(self._rows, [*self.causes, *self._filtered(every)], self._rows.shared)
+        return CauseSearch(self.rows, [*self.causes, *self._filtered(every)], self.rows.shared)
 
     @cached_property
     def _late(self) -> Array:
@@ -152,12 +151,12 @@ class Trends:
 
     @cached_property
     def _beside_frames(self) -> tuple[Blame, ...]:
-        return blames_beside_frames(self.fit, self._rows, self.causes, self._error)
+        return blames_beside_frames(self.fit, self.rows, self.causes, self._error)
 
     @cached_property
     def criterion(self) -> float:
         """Schwarz's criterion of the fit with these causes: the lower, the likelier are the rows and the causes."""
-        worth, causes = self._rows.worth, [blame.cause for blame in self._found]
+        worth, causes = self.rows.worth, [blame.cause for blame in self._found]
         chosen = [k for k, one in enumerate(self.causes) if any(one is cause for cause in causes)]
         columns = sum(len(cause.columns) for cause in causes)
         return float(worth @ np.log(self._search.fit(chosen).variances) + columns * np.log(worth.sum()))
@@ -166,11 +165,11 @@ class Trends:
     def least_criterion(self) -> float:
         """What the criterion is at least: all causes are fitted, and none of their columns counts."""
         search = self._tangents
-        return float(self._rows.worth @ np.log(search.fit(range(len(search.causes))).variances))
+        return float(self.rows.worth @ np.log(search.fit(range(len(search.causes))).variances))
 
     @cached_property
     def _tangents(self) -> CauseSearch:
-        return CauseSearch(self._rows, tuple(self._tried()), self._rows.shared)
+        return CauseSearch(self.rows, tuple(self._tried()), self.rows.shared)
 
     def _tried(self) -> Iterator[Cause]:
         """Yield the causes that are tried, filtered as the torques are."""
@@ -192,14 +191,14 @@ class Trends:
         before = [blame.cause for blame in found]
         if not any(cause.name in CURVED for cause in before):
             return search, found
-        after, curved = about_their_bodies(self._rows, before, self._made_again)
+        after, curved = about_their_bodies(self.rows, before, self._made_again)
         numbers = {id(cause): k for k, cause in enumerate(search.causes)}
         straight = search.fit([numbers[id(cause)] for cause in before])
-        gain = abs(float(self._rows.worth @ np.log(straight.variances / curved.variances)))
+        gain = abs(float(self.rows.worth @ np.log(straight.variances / curved.variances)))
         if chi_square_tail(gain, 1) > CHANCE:
             return search, found
         made = {id(old): new for old, new in zip(before, after, strict=True)}
-        search = CauseSearch(self._rows, [made.get(id(one), one) for one in search.causes], self._rows.shared)
+        search = CauseSearch(self.rows, [made.get(id(one), one) for one in search.causes], self.rows.shared)
         return search, search.blames()
 
     @property
@@ -215,12 +214,14 @@ class Trends:
         """Delay of the torque in s that is left beside these causes, and its standard deviation by all errors."""
         slope = _cause("torque delay", "", self._late)
         causes = [blame.cause for blame in self.blames]
-        return figure_beside(self._rows, causes, self._filtered([slope])[0], self._error)
+        return figure_beside(self.rows, causes, self._filtered([slope])[0], self._error)
 
     @cached_property
-    def _rows(self) -> CauseRows:
-        rows = self.fit.rows
-        target = rows.torque - rows.known
+    def rows(self) -> CauseRows:
+        """The rows to which causes are added."""
+        rows, target = self.fit.rows, self.fit.rows.torque - self.fit.rows.known
+        if self._logged is not None:
+            return replace(self._logged.rows, target=target, measured=rows.torque)
         return CauseRows(rows.blocks, rows.columns, self.fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
 
     @cached_property
@@ -251,7 +252,7 @@ class Trends:
         """Return the same for figures: a delay of one joint moves its friction too, as a fit with it alone has that."""
         if cause.name != DELAY:
             return self._made_again(cause, beta, values)
-        alone = CauseSearch(self._rows, [cause]).fit([0]).beta[: self._rows.size]
+        alone = CauseSearch(self.rows, [cause]).fit([0]).beta[: self.rows.size]
         motion = self._motion_of(beta, alone)
         return self._filtered([self._by_motion(DELAY, cause.joint, motion, float(values[0]))])[0]
 
@@ -322,8 +323,7 @@ class Trends:
                 )
             if name not in rotors:
                 yield replace(_cause("rotor inertia", name, self._at_drive(i, inertial[:, i])), is_positive=True)
-            speed = self._speed[:, i]
-            size = np.abs(speed)
+            speed, size = self._speed[:, i], np.abs(self._speed[:, i])
             turn = 1.0 - sign[:, i] ** 2
             flank = speed * turn  # of a sign that is wider or narrower
             root, loaded = sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i]
