@@ -69,12 +69,22 @@ SLOW = ("numba", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpo
 #: What an identification alone does without besides: parts for few cases, and what has no place in one.
 NOT_FOR_ALL = (
     "scipy.sparse", "scipy.linalg", "scipy.special", "defusedxml", "urllib.request", "ssl", "jinja2", "rich.markdown",
-    "matplotlib", "dynident.robot_files.mjcf",
+    "matplotlib", "dynident.robot_files.mjcf", "dynident.robot_files.usd_parts", "dynident.case.link_volume",
+    "dynident.case.workspace_section",
     "dynident.case.draft", "dynident.data.formats._bag_table",
     "dynident.diagnosis.checks", "dynident.diagnosis.examination", "dynident.studies.benchmark",
     "dynident.identification.streaming",
     "dynident.identification.simulated.course", "dynident.simulation", "dynident.model.kernels.generic",
     "dynident.model.kernels.preconditioned", "dynident.results.report", "dynident.studio",
+)  # fmt: skip
+
+
+#: What a check alone does without besides.
+NOT_FOR_CHECK = (
+    "scipy.sparse", "scipy.linalg", "scipy.special", "urllib.request", "jinja2", "matplotlib",
+    "dynident.robot_files.usd_parts", "dynident.case.link_volume", "dynident.case.workspace_section",
+    "dynident.api.validate", "dynident.diagnosis.verdict", "dynident.identification.files",
+    "dynident.identification.selection.friction.search_friction", "dynident.exports", "dynident.results.report",
 )  # fmt: skip
 
 
@@ -102,13 +112,15 @@ def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, 
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
-    alone = (
-        "from dynident.cli.main import main; import sys; assert main(['identify', 'case.yaml', '--no-check']) == 0; "
-    )
-    alone += f"print([name for name in {SLOW + NOT_FOR_ALL!r} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", alone], capture_output=True, text=True, check=False, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1] == "[]"
+    for words, left_out in (
+        (["identify", "case.yaml", "--no-check"], NOT_FOR_ALL),
+        (["check", "case.yaml"], NOT_FOR_CHECK),
+    ):
+        alone = f"from dynident.cli.main import main; import sys; assert main({words!r}) == 0; "
+        alone += f"print([name for name in {SLOW + left_out!r} if name in sys.modules])"
+        done = subprocess.run([sys.executable, "-c", alone], capture_output=True, text=True, check=False, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.splitlines()[-1] == "[]"
 
 
 def test_blas_works_on_one_thread_unless_stated_otherwise() -> None:

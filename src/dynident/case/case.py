@@ -9,7 +9,7 @@ docs/case-file.md describes each.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,6 @@ from dynident.case.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.case.constraints_file import constraints_of
 from dynident.case.log_section import led_by_joints, read_columns
 from dynident.case.questions import check_answered, without_open_gains
-from dynident.case.workspace_section import robot_with_limits
 from dynident.data.formats import ColumnMap
 from dynident.data.log import Log
 from dynident.data.log_of_robot import read_signals, read_with
@@ -299,9 +298,10 @@ def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
     """Apply gravity, limits, drives, coupling and locked joints, in this order; return also the locked positions."""
     if top.has("gravity"):
         robot = robot.with_gravity(gravity_of(top))
-    names = robot.joint_names
-    positions = _locked(top, names)
+    positions = _locked(top, names := robot.joint_names)
     if top.has("limits"):
+        from dynident.case.workspace_section import robot_with_limits  # few cases need it
+
         robot = robot_with_limits(top, robot, [name for name in names if name not in positions])
     drives: dict[str, Drive] = {}
     if top.has("drives"):
@@ -363,7 +363,7 @@ def _preprocessing(top: Section) -> Preprocessing:
 
 def _friction(top: Section, robot: Robot) -> tuple[Friction, ...]:
     """Return the friction parts; the joints that they name are those of the robot."""
-    parts = tuple(_parts(top, "friction", FRICTION, default_friction()))
+    parts = tuple(_parts(top, "friction", FRICTION, default_friction))
     if any(part.vary or part.choose or part.options.get("element", 1) > 1 for part in parts):
         from dynident.case.open_friction import check_part  # the others need none
 
@@ -373,12 +373,12 @@ def _friction(top: Section, robot: Robot) -> tuple[Friction, ...]:
     return parts
 
 
-def _parts(top: Section, key: str, family: Family[Any], default: Sequence[str]) -> list[Any]:
+def _parts(top: Section, key: str, family: Family[Any], default: Callable[[], Sequence[str]]) -> list[Any]:
     if not top.has(key):
-        return [family.make(name) for name in default]
+        return [family.make(name) for name in default()]
     value = top.value(key)
     if not isinstance(value, list):
-        raise top.place(key).error("not a list", f"write a list such as [{', '.join(default)}]")
+        raise top.place(key).error("not a list", f"write a list such as [{', '.join(default())}]")
     return [_made(top.place(f"{key}.{i}"), item, family) for i, item in enumerate(value, start=1)]
 
 

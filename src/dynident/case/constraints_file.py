@@ -12,13 +12,11 @@ from typing import TypeVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.case.link_volume import mass_of_density
 from dynident.errors import DescriptionError, DynidentError
 from dynident.files import unreadable
 from dynident.model.body_constraints import AXES, BodyConstraints, BoundingBox, Constraints, Ellipsoid, ValueRange
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
-from dynident.robot_files.mesh_files import mesh_places
 from dynident.robot_files.rotations import rotation_from_rpy
 from dynident.robot_files.strict_yaml import load_yaml
 
@@ -55,6 +53,8 @@ def constraints_of(section: Section, robot: Robot, robot_path: str = "") -> Cons
         DescriptionError: A link that the robot does not have, or a value that cannot be.
     """
     links = section.section("links", [link.name for link in robot.links]) if section.has("links") else None
+    from dynident.robot_files.mesh_files import mesh_places  # few cases need it
+
     places = mesh_places(robot, robot_path) if robot_path else ()
     found = {
         link.name: _body(links.section(link.name, _LINK_KEYS), robot, i, places)
@@ -87,6 +87,8 @@ def _body(section: Section, robot: Robot, index: int, folders: Sequence[str | Pa
         symmetry = {axis: planes.number(axis) for axis in AXES if planes.has(axis)}
     mass, thickness = _range(section, "mass"), section.number("thickness", 0.0)
     if section.has("density"):
+        from dynident.case.link_volume import mass_of_density  # few cases need it
+
         density = _range(section, "density")
         mass = _guard(section, "density", lambda stated=mass: mass_of_density(robot, index, density, stated, folders))
     return _guard(

@@ -75,12 +75,12 @@ def run(options: argparse.Namespace) -> int:
 
 def _earlier(case: Case, name: str | None) -> Estimate | None:
     """Return the estimate that logs are held against, of the joints of the case; None where there is none."""
-    from dynident.api.validate import check_same_lock
+    if name is None and not case.prior.endswith(".json"):
+        return None
+    from dynident.api.validate import check_same_lock  # few need it
     from dynident.errors import LogMismatch
     from dynident.identification.files.estimate_file import read_estimate
 
-    if name is None and not case.prior.endswith(".json"):
-        return None
     path = name or str(case.find(case.prior))
     found = read_estimate(path)
     ours, theirs = case.robot.joint_names, found.model.robot.joint_names

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,11 +17,7 @@ from dynident.identification.problem.choices import Choices, DelayRecord, FieldC
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
-from dynident.identification.selection.friction.column_pool import ROWS, SharedRows
-from dynident.identification.selection.friction.held_out_errors import OF_A_PART
-from dynident.identification.selection.friction.held_out_fields import FrictionSearch
 from dynident.identification.selection.friction.load import problem_of, without_load
-from dynident.identification.selection.friction.search_friction import predicts_better, search_friction
 from dynident.identification.selection.friction.variable_projection import (
     finest_of,
     has_choices,
@@ -34,6 +30,10 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import WHOLE, Friction, auto_friction, called, motor_ripple
+
+if TYPE_CHECKING:  # a case that states its friction chooses none
+    from dynident.identification.selection.friction.column_pool import SharedRows
+    from dynident.identification.selection.friction.held_out_fields import FrictionSearch
 
 #: A delay that moves by more of its standard deviations is another one.
 MOVED = 2.0
@@ -90,6 +90,9 @@ def build_problem(
     prepared, delays = _with_delays(without_optional(model), plain, progress, model.lags)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
+        from dynident.identification.selection.friction.column_pool import ROWS, SharedRows
+        from dynident.identification.selection.friction.search_friction import search_friction
+
         shared = SharedRows(model.robot, [log.sparser(ROWS) for log in plain])
         search = partial(search_friction, progress=progress, finest=finest, shared=shared)
         before, rows = (prepared, choices), (shared, partial(_sharper, ordered, preprocessing))
@@ -199,6 +202,9 @@ def _with_chosen_fields(
     to count as that of a part. ``search`` is :func:`search_friction` with its settings, ``shared`` the rows of the logs
     and what makes those of positions that are filtered less, and r.
     """
+    from dynident.identification.selection.friction.held_out_errors import OF_A_PART
+    from dynident.identification.selection.friction.search_friction import predicts_better
+
     (prepared, choices), delay_is_free = before, plain[0].how.delay_s is None
 
     def settled(
@@ -237,6 +243,8 @@ def _with_chosen_fields(
 
 def _sharper(logs: Sequence[Log], how: Preprocessing, model: DynamicModel) -> tuple[SharedRows, float] | None:
     """Return rows of logs whose positions are filtered less, and by which ratio; None where the filter has no such."""
+    from dynident.identification.selection.friction.column_pool import ROWS, SharedRows
+
     filters = [found for log in logs if (found := how.filter.sharper(log.rate))]
     if len(filters) < len(logs):
         return None

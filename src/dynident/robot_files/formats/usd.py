@@ -6,7 +6,7 @@ import os
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
-from typing import ClassVar, Final, final
+from typing import TYPE_CHECKING, ClassVar, Final, final
 
 import numpy as np
 
@@ -14,8 +14,9 @@ from dynident.errors import DescriptionError
 from dynident.model.robot import Frame, Robot
 from dynident.robot_files.formats.base import Description
 from dynident.robot_files.tree import assemble, with_unknown
-from dynident.robot_files.usd_parts import StageParts, open_stage
-from dynident.robot_files.usd_stage import read_stage
+
+if TYPE_CHECKING:
+    from dynident.robot_files.usd_parts import StageParts
 
 #: First bytes of its kinds of files: text, binary ("crate"), archive.
 _HEADS: Final = {b"#usda": ".usda", b"PXR-USDC": ".usdc", b"PK\x03\x04": ".usdz"}
@@ -46,6 +47,8 @@ class UsdModel(Description):
         suffix = next((ending for head, ending in _HEADS.items() if data.startswith(head)), "")
         if not suffix:
             raise DescriptionError(path, "", "no USD by its first bytes", "export the stage again")
+        from dynident.robot_files.usd_stage import read_stage  # few need it
+
         if os.path.isfile(str(path)):
             return robot_of_stage(path, read_stage(str(path)))
         with tempfile.TemporaryDirectory(prefix="dynident-") as folder:
@@ -55,6 +58,8 @@ class UsdModel(Description):
 
     def included(self, path: object, data: bytes) -> tuple[str, ...]:
         """Return the layers of a stage; see :class:`Description`."""
+        from dynident.robot_files.usd_parts import open_stage
+
         stage = open_stage(str(path))  # its layers live as long as it does
         files = {os.path.realpath(layer.realPath) for layer in stage.GetUsedLayers() if os.path.isfile(layer.realPath)}
         return tuple(sorted(files - {os.path.realpath(str(path))}))

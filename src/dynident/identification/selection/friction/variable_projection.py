@@ -17,11 +17,7 @@ from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption
 from dynident.identification.problem.choices import FieldEstimate
-from dynident.identification.selection.friction.column_pool import PooledLogs
-from dynident.identification.selection.friction.finer_values import finer_values
-from dynident.identification.selection.friction.held_out_errors import HeldOut
 from dynident.identification.selection.friction.load import default_load
-from dynident.identification.selection.friction.parts_by_drive import by_drive
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import WHOLE, Friction, called
 
@@ -62,6 +58,11 @@ def vary_fields(
         BadOption: A name in ``vary`` that is no non-linear field of its part.
     """
     spans = all_spans(model, logs, "vary", finest)
+    from dynident.identification.selection.friction.column_pool import PooledLogs  # few cases need these
+    from dynident.identification.selection.friction.finer_values import finer_values
+    from dynident.identification.selection.friction.held_out_errors import HeldOut
+    from dynident.identification.selection.friction.parts_by_drive import by_drive
+
     pooled = PooledLogs(model, logs, load=default_load(model, logs) if "torque" in model.needs else None)
     parts, steps, found = list(model.friction), list[float](), list[FieldEstimate]()
     for (p, name), span in spans.items():
