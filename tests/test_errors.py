@@ -44,6 +44,10 @@ GOLDEN = [
         errors.LogFormatError("run.csv", 1, "no column 'tau1'", "the header has t, q1"),
         "run.csv:1: no column 'tau1'; the header has t, q1",
     ),
+    (
+        errors.NoNumbers("run.csv", 1, ["tau1"], "tau1: not finite in 9 of 9 rows", "read other columns"),
+        "run.csv:1: tau1: not finite in 9 of 9 rows; read other columns",
+    ),
     (errors.LogFormatError("run.csv", None, "the file is empty", "record"), "run.csv: the file is empty; record"),
     (
         errors.LogMismatch("run.csv", "no joint called 'elbow'", "the log has a, b"),

@@ -82,6 +82,14 @@ class LogFormatError(DynidentError):
         super().__init__(f"{place}: {evidence}; {step}")
 
 
+class NoNumbers(LogFormatError):
+    """Columns that hold no number in any or nearly any row, as the effort of a joint that has no sensor."""
+
+    def __init__(self, path: object, line: int | None, columns: Sequence[str], evidence: str, step: str) -> None:
+        self.columns = tuple(columns)
+        super().__init__(path, line, evidence, step)
+
+
 class LogMismatch(DynidentError):
     """A log that does not fit the robot, the model or the job asked for."""
 

@@ -11,6 +11,7 @@ from drafted_logs import moved, named, numbered, read, write_log
 from dynident.arrays import Array
 from dynident.case.case_draft import draft_case
 from dynident.case.evidence.positions import steps
+from dynident.errors import NoNumbers
 from dynident.robot_files import read_robot
 from two_joint_arm import URDF
 
@@ -186,3 +187,22 @@ def test_estimated_torques_are_read_where_no_measured_ones_are(
     assert (f"torque: '{{joint}}_{chosen}'" in text) == bool(chosen)
     assert ("what the drives estimate" in text) == (chosen == "tau_est")
     assert ("torque: ask" in text) == (not chosen)
+
+
+@pytest.mark.parametrize("kind", PATTERNS)
+def test_columns_of_nan_are_no_signal(arm: str, motion: dict[str, Array], tmp_path: Path, kind: str) -> None:
+    """ROS 2 writes nan for a signal that a joint lacks: a gripper that moves without a torque is locked."""
+    opens = with_gripper(motion, 0.05 + 0.03 * np.sin(motion["time"]))
+    opens["torque"][5:, 2] = np.nan
+    columns = logged(opens, kind)
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    case = read(draft, tmp_path)
+    name = PATTERNS[kind].format("gripper").replace("position", "effort")
+    assert draft.needed == () and f"CHECK: {name}: no numbers in these columns" in draft.text
+    assert case.robot.joint_names == NAMES[:2] and case.locked["gripper"] == pytest.approx(0.05, abs=0.01)
+    np.testing.assert_allclose(case.read(case.train[0]).torque, motion["torque"])
+    later = with_gripper(motion, 0.05 + 0.03 * np.sin(motion["time"]))
+    later["torque"][:, 0] = np.nan
+    later_log = write_log(tmp_path / "later.csv", logged(later, kind))
+    with pytest.raises(NoNumbers, match=r"later.csv:1: shoulder.effort: not finite in 3000 of 3000 rows"):
+        draft_case(arm, [str(tmp_path / "run.csv"), later_log], tmp_path)

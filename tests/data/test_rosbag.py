@@ -16,7 +16,7 @@ pytest.importorskip("rosbags")
 
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from dynident.case.case import read_case
 from dynident.data.formats import ColumnMap, read_header, read_log, stream_log
@@ -26,6 +26,11 @@ from dynident.data.log import Log
 from dynident.errors import BadOption, DynidentError, LogFormatError, UnknownChoice
 
 ROS2, ROS1 = get_typestore(Stores.ROS2_HUMBLE), get_typestore(Stores.ROS1_NOETIC)
+for kind, text in {
+    "InterfaceValue": "string[] interface_names\nfloat64[] values\n",
+    "DynamicJointState": "std_msgs/Header header\nstring[] joint_names\nInterfaceValue[] interface_values\n",
+}.items():
+    ROS2.register(get_types_from_msg(text, f"control_msgs/msg/{kind}"))
 N = 200
 STEP = 4_000_000
 FIRST = 1_700_000_000_000_000_000
@@ -516,3 +521,29 @@ def test_topics_that_are_put_together_are_streamed_as_a_whole(tmp_path: Path) ->
     whole = read_log(path, COLUMNS)
     np.testing.assert_array_equal(np.concatenate([log.q for log in logs]), whole.q)
     assert source == whole.source
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_states_with_signals_by_name_are_read_as_states_of_joints(tmp_path: Path, beside: bool) -> None:
+    """As ros2_control publishes them, each joint with signals of its own; states of joints beside them come first."""
+    types = ROS2.types
+    value, dynamic = (types[f"control_msgs/msg/{name}"] for name in ("InterfaceValue", "DynamicJointState"))
+    own = ("effort", "position", "velocity")
+    messages = [
+        (
+            "/dynamic_joint_states",
+            FIRST + k * STEP,
+            dynamic(
+                header(FIRST + k * STEP),
+                ["head", *NAMES],
+                [
+                    value(["position"], np.array([0.1])),
+                    *(value(list(own), np.array([TAU[k, j], Q[k, j], DQ[k, j]])) for j in range(2)),
+                ],
+            ),
+        )
+        for k in range(N)
+    ]
+    path = mcap(tmp_path, [*messages, *(states() if beside else ())])
+    check(read_log(path, COLUMNS))
+    assert ("head.position" in read_header(path)) != beside

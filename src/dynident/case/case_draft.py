@@ -285,6 +285,8 @@ def _unread(tables: Sequence[LogTable]) -> list[str]:
 def _remarks(found: Recognised) -> list[str]:
     noted = [pair for reading in found.readings for pair in zip(reading.notes, reading.remedies, strict=True)]
     remarks = [f"{note}: {step}" for note, step in dict.fromkeys(noted)]
+    if found.empty:
+        remarks.append(f"{few(found.empty, 4)}: no numbers in these columns (all or nearly all are nan): not read")
     for reading in found.readings:
         gap = long_gap(reading.time * found.to_seconds)
         if gap:

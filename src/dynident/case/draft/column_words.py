@@ -148,6 +148,7 @@ _JOINT_SIGNS = re.compile("(关节|関節|轴|軸)")
 
 def tokens_of(name: str) -> list[str]:
     """Return the words and numbers of a name in small letters: ``jointPos_1`` is joint, pos, 1, ``qDes`` q, des."""
+    name = name.replace("dynamic_joint_states", "joint_states")  # a topic of ros2_control
     name = _BY_KUKA.sub(lambda found: _OF_KUKA[found[1].lower()], name)
     name = _JOINT_SIGNS.sub(r" \1 ", _WRITTEN_TOGETHER.sub(r"\g<0> ", name))
     spaced = re.sub(r"(?<=[a-z][a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[qx])(?=[A-Z][a-z])", " ", name)

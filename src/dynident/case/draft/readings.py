@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import STILL, travel
 from dynident.case.evidence.rows import MOST_LOST, out_of_order, same_as_before, sortable
 from dynident.data.formats import LogFormat, LogTable, open_log
 from dynident.data.formats.base import MIN_SAMPLES
 from dynident.data.preprocessing import longest_step
 from dynident.data.split import EPISODE, episode_rows
-from dynident.errors import LogFormatError
+from dynident.errors import LogFormatError, NoNumbers
 
 #: Rows from which a draft is made at most: a quarter of an hour at 1 kHz.
 MOST_ROWS = 1 << 20
@@ -94,6 +95,7 @@ def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) 
         columns: Columns by signal.
 
     Raises:
+        NoNumbers: Columns hold no number in any or nearly any row.
         LogFormatError: A cell is no number, or too few rows can be used.
     """
     names = list(dict.fromkeys([time, *(name for group in columns.values() for name in group)]))
@@ -106,6 +108,10 @@ def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) 
             raise LogFormatError(table.path, table.line, f"no column '{name}' as in the first log", step)
     values, is_head = _head(table, names)
     rows = len(values)
+    lost = np.count_nonzero(~np.isfinite(values), axis=0)
+    if empty := [name for name, count in zip(names, lost, strict=True) if count and count >= (1 - MOST_LOST) * rows]:
+        told = f"{few(empty, 4)}: not finite in {lost.max()} of {rows} rows"
+        raise NoNumbers(table.path, table.line, empty, told, "read other columns, or lock the joints that have none")
     parts = episode_rows(values[:, names.index(EPISODE)]) if EPISODE in names else [slice(None)]
     sound, notes = _sound(values[parts[0]], rows)
     same = same_as_before([sound])
@@ -120,6 +126,7 @@ def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) 
     if len(values) < MIN_SAMPLES:
         step = "sort the rows, or split the log where its time runs back; " * bool(behind)
         why = "".join(f"; {note}" for note, _ in notes)
+        why += f", most of them in '{names[int(np.argmax(lost))]}'" * bool(lost.any())
         step += "an identification needs seconds of motion"
         raise LogFormatError(table.path, table.line, f"only {len(values)} rows that can be used{why}", step)
     place = {name: k for k, name in enumerate(names)}

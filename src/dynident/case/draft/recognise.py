@@ -47,7 +47,7 @@ from dynident.data.formats._clocked_table import SUM, MadeTable
 from dynident.data.formats._units import RATED
 from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn, turns_counted
-from dynident.errors import LogFormatError
+from dynident.errors import LogFormatError, NoNumbers
 from dynident.model.robot import Robot
 
 #: Commands of servos span at most this many times what the positions span, and at least the inverse.
@@ -57,22 +57,23 @@ _SPAN = 5.0
 NEAR = 1.15
 
 
-def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> Recognised:
+def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "", empty: Sequence[str] = ()) -> Recognised:
     """Return what is recognised in the logs of a robot.
 
     Args:
         robot: With all its joints.
         tables: The opened logs; the first one says what the columns are.
         profile: Name of a profile that is to be taken; empty for the one that fits.
+        empty: Columns to leave out, as they have next to no numbers.
 
     Raises:
         LogFormatError: A log lacks a column of the first, or a cell is no number.
     """
-    clock = tables[0].made[0] if isinstance(tables[0], MadeTable) else ""
-    header = tuple(name for name in tables[0].header if name != clock)
+    given, clock = tables, tables[0].made[0] if isinstance(tables[0], MadeTable) else ""
+    header = tuple(name for name in tables[0].header if name != clock and name not in empty)
     fits = [] if clock else fitting_profiles(header, robot.joint_names)  # a profile knows its column of the time
     fits = [fit for fit in fits if not profile or fit.name == profile]
-    found = Recognised(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits))
+    found = Recognised(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits), empty=tuple(empty))
     found = _by_profile(found, fits) if fits else _by_names(found, tables[0])
     if not fits and not {"q_ref", "torque", "current"} & (found.sources.keys() | found.rivals.keys()):
         found = by_commands(found)
@@ -83,7 +84,12 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
     if not found.time or "q" not in found.sources:
         return with_named_efforts(found)
     columns = {signal: source.columns for signal, source in found.sources.items()}
-    readings = tuple(read_rows(table, found.time, columns) for table in tables)
+    try:
+        readings = tuple(read_rows(table, found.time, columns) for table in tables)
+    except NoNumbers as error:
+        if not error.columns or profile or error.path != tables[0].path or found.time in error.columns:
+            raise
+        return recognised(robot, given, empty=(*empty, *error.columns))
     return with_held(_with_temperature(_by_values(replace(found, readings=readings)), tables), tables)
 
 

@@ -16,6 +16,8 @@ MAX_LIST = 64
 _DEEPEST = 6
 #: Lists of a state of joints, one number per joint each.
 STATE = ("position", "velocity", "effort")
+#: Types of messages with states of joints: the signals of the second one stand in the message with their names.
+JOINTS, DYNAMIC = "sensor_msgs/msg/JointState", "control_msgs/msg/DynamicJointState"
 
 #: What says which columns a message has.
 Layout = tuple[Any, ...]
@@ -68,7 +70,7 @@ def _stamp_of(message: Any) -> int | None:
 
 def is_joint_state(message: Any) -> bool:
     """Return whether a message is a state of joints."""
-    return getattr(message, "__msgtype__", "") == "sensor_msgs/msg/JointState"
+    return getattr(message, "__msgtype__", "") == JOINTS
 
 
 def _walk(message: Any, path: tuple[str, ...], joints: Sequence[str], depth: int) -> Iterator[tuple[str, float]]:
@@ -81,6 +83,11 @@ def _walk(message: Any, path: tuple[str, ...], joints: Sequence[str], depth: int
             yield f"{joint}.{place}.{signal}", float(value)
         return
     joints = getattr(message, "joint_names", joints)
+    if getattr(message, "__msgtype__", "") == DYNAMIC:
+        for joint, own in zip(joints, message.interface_values, strict=False):
+            pairs = zip(own.interface_names, own.values.tolist(), strict=False)
+            yield from ((f"{'.'.join((joint, *path))}.{name}", value) for name, value in pairs)
+        return
     for field in fields(message):
         value = getattr(message, field.name)
         yield from _entry(value, (*path, field.name), joints, depth)

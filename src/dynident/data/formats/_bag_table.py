@@ -13,12 +13,12 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.formats._alignment import TIME, Series, aligned, chosen, unused
-from dynident.data.formats._bag_messages import Layout, columns_of
+from dynident.data.formats._bag_messages import DYNAMIC, JOINTS, Layout, columns_of
 from dynident.data.formats._bag_source import BagSource
 from dynident.data.formats._bag_stream import MOST_BACK, Held
 from dynident.data.formats._column_map import shown
 from dynident.data.formats.base import MAX_CELLS, TOO_LARGE, Blocks, LogTable
-from dynident.errors import LogFormatError
+from dynident.errors import LogFormatError, NoNumbers
 
 #: Messages of each topic that are looked at for the names of the columns.
 _LOOKED_AT = 500
@@ -87,8 +87,7 @@ class BagTable(LogTable):
         for block in held.rows(end=True):
             yield self._block(held, block, order)
         if held.unsound > _MOST_NOT_FINITE * held.taken:
-            worst, count = held.not_finite.most_common(1)[0]
-            raise self._not_finite(worst, f"{count} of {held.taken}")
+            raise self._not_finite(held.not_finite, held.taken)
         notes = [found.note(self.source, held.taken), "; ".join(held.notes())]
         notes += [f"{n} messages with {len(some)} of the columns only left out" for some, n in found.partial.items()]
         if held.first is not None:
@@ -135,9 +134,11 @@ class BagTable(LogTable):
         step = "read it by the times at which messages were received: format: {rosbag: {stamps: receive}}"
         return LogFormatError(self.path, None, "the stamps in the headers are all 0", step)
 
-    def _not_finite(self, column: str, share: str) -> LogFormatError:
-        evidence = f"'{shown(column)}' is not finite in {share} messages"
-        return LogFormatError(self.path, None, evidence, "record one publisher only, or read another column")
+    def _not_finite(self, bad: Counter[str], messages: int) -> NoNumbers:
+        worst, count = bad.most_common(1)[0]
+        evidence = f"'{shown(worst)}' is not finite in {count} of {messages} messages"
+        empty = [name for name, count in bad.items() if count >= (1.0 - _MOST_NOT_FINITE) * messages]
+        return NoNumbers(self.path, None, empty, evidence, "record one publisher only, or read another column")
 
     def _gathered(self, wanted: Sequence[str]) -> _Gathered:
         """Return the numbers of all messages that carry any of the wanted columns."""
@@ -181,8 +182,7 @@ class BagTable(LogTable):
         rows: BoolArray = np.any(bad, axis=1)
         if rows.sum() <= _MOST_NOT_FINITE * len(rows):
             return stamps[~rows], values[~rows]
-        worst = columns[int(np.argmax(bad.sum(axis=0)))]
-        raise self._not_finite(worst, f"{rows.sum()} of {len(rows)}")
+        raise self._not_finite(Counter(dict(zip(columns, bad.sum(axis=0).tolist(), strict=True))), len(rows))
 
 
 @dataclass(frozen=True)
@@ -231,9 +231,15 @@ def _picked(names: Sequence[str], wanted: Sequence[str]) -> tuple[tuple[str, ...
     return found, np.array([places[name] for name in found], dtype=np.int64)
 
 
+def state_topics(topics: Mapping[str, str]) -> list[str]:
+    """Return the topics with states of joints; those with signals by name only where there are no others."""
+    found = ([topic for topic, own in topics.items() if own == kind] for kind in (JOINTS, DYNAMIC))
+    return next(filter(None, found), [])
+
+
 def topic_problem(path: str, topics: Mapping[str, str]) -> LogFormatError:
     """Return the error to raise where it is not clear which topic is to be read."""
-    states = [topic for topic, kind in topics.items() if kind == "sensor_msgs/msg/JointState"]
+    states = state_topics(topics)
     listed = ", ".join(f"{topic} ({kind})" for topic, kind in list(topics.items())[:20])
     evidence = f"{len(states)} topics with states of joints" if states else "no topic with states of joints"
     how = "format: {rosbag: {topics: [...]}}, to init with --format rosbag --format-option topics=TOPIC"

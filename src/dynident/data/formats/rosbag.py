@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import ClassVar
 
 from dynident.data.formats._bag_source import bag_source, releases
-from dynident.data.formats._bag_table import BagTable, header_of, topic_problem
+from dynident.data.formats._bag_table import BagTable, header_of, state_topics, topic_problem
 from dynident.data.formats.base import LogFormat
 from dynident.errors import BadOption, UnknownChoice
-
-_STATE = "sensor_msgs/msg/JointState"
 
 
 @dataclass(frozen=True)
@@ -24,7 +22,7 @@ class Rosbag(LogFormat):
     read, the topic stands before the name, ``/joint_states:elbow.position``. Needs the extra ``ros``.
 
     Attributes:
-        topics: Topics that are read; none for the one with states of joints (sensor_msgs/JointState).
+        topics: Topics that are read; none for the one with states of joints (JointState, else DynamicJointState).
         stamps: Time of a message: ``header`` for the stamp that it carries, ``receive`` for when it was recorded.
         distro: ROS release whose message types hold where the recording defines none, such as ``humble``.
         salvage: Whether an .mcap file that was cut is read as far as it goes.
@@ -74,7 +72,7 @@ class Rosbag(LogFormat):
                 raise UnknownChoice("topic of the recording", topic, list(known))
         if self.topics:
             return self.topics
-        states = [topic for topic, kind in known.items() if kind == _STATE]
+        states = state_topics(known)
         if len(states) != 1:
             raise topic_problem(path, known)
         return states
