@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from drafted_logs import joints_called, moved, named, numbered, read, write_log, write_robot
+from dynident.api.case_logs import read_data
 from dynident.api.init import init
 from dynident.arrays import Array
 from dynident.case import case_draft
@@ -18,7 +19,8 @@ from dynident.case.case_draft import draft_case, draft_summary
 from dynident.case.draft import readings
 from dynident.case.draft.recognise import cutoff_of
 from dynident.data.formats import Units
-from dynident.errors import BadOption, DescriptionError, FileError, LogFormatError, UnknownChoice
+from dynident.data.split import Split
+from dynident.errors import BadOption, DescriptionError, FileError, LogFormatError, LogMismatch, UnknownChoice
 from dynident.model.friction import FRICTION, auto_friction, motor_ripple
 from dynident.model.joint import Drive
 from dynident.model.robot import Robot
@@ -179,9 +181,13 @@ def test_gaps_are_bridged_as_long_as_they_are(arm: str, motion: dict[str, Array]
     (remark,) = draft.remarks
     assert re.fullmatch(r"run.csv has gaps in time, the longest of 1.5\d? s: samples near them are left out", remark)
     assert read(draft, tmp_path).preprocessing.longest_gap_s == pytest.approx(1.7, abs=0.05)
-    time[300:] += 60.0
+    time[300:] += 600.0
     far = draft_case(arm, write_log(tmp_path / "far.csv", numbered({**motion, "time": time})), tmp_path)
     assert far.remarks[0].endswith("split the log there") and "longest_gap_s" not in far.text
+    assert far.needed == () and "times the torque of the robot model's masses" in far.text  # of the longer part
+    case = replace(read(far, tmp_path), split=Split(first=0.999))
+    with pytest.raises(LogMismatch, match=r"far.csv: a gap of 601.\d s after sample 300.*; split the log there"):
+        read_data(case)
 
 
 def test_degrees_are_asked_for_with_the_likely_answer(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:

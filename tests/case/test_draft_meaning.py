@@ -270,6 +270,8 @@ def test_a_base_that_moves_is_named(tmp_path: Path, reach: float, moves: bool) -
     }
     draft = drafted(tmp_path, robot, numbered(motion) | base)
     assert any("base at rest" in remark for remark in draft.remarks) == moves
+    tool = {f"base.tool_pose_{axis}": 0.4 * np.sin(motion["time"]) for axis in "xyz"}  # as Kortex has it, in the base
+    assert not any("base at rest" in remark for remark in drafted(tmp_path, robot, numbered(motion) | tool).remarks)
     named_base = replace(
         robot, joints=tuple(replace(j, name="base_yaw") if k == 0 else j for k, j in enumerate(robot.joints))
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.signal
@@ -391,7 +393,7 @@ def test_logs_that_a_filter_cannot_take(part, log, message):
         ),
         (
             np.r_[np.arange(10) / 100, 1.7e9],
-            "simulated log: a gap of 1.7e+09 s after sample 10; split the log there",
+            "simulated log: a gap of 1.7e+09 s after sample 10, 0.09 s from its start; split the log there",
         ),
     ],
 )
@@ -426,12 +428,25 @@ def test_a_longer_gap_is_refused_with_what_bridges_it():
     with pytest.raises(LogMismatch) as caught:
         preprocess(broken, Preprocessing(Butterworth(5.0)))
     assert str(caught.value) == (
-        "simulated log: a gap of 2.005 s after sample 1000; "
+        "simulated log: a gap of 2.005 s after sample 1000, 4.995 s from its start; "
         "leave the samples near it out (preprocessing: {longest_gap_s: 2.2}), or split the log there"
     )
     assert len(preprocess(broken, Preprocessing(Butterworth(5.0), longest_gap_s=2.2)).keep) > 3000
     with pytest.raises(BadOption, match="longest_gap_s = 0 is not possible; give seconds, above 0"):
         Preprocessing(Butterworth(5.0), longest_gap_s=0)
+
+
+def test_the_motion_before_a_part_begins_after_the_last_gap():
+    """A log of two motions a minute apart, split in the pause: nothing is known of what came just before the second."""
+    whole = log_of(tone(0.7), torque=tone(0.9))
+    apart = replace(whole, time=np.where(np.arange(whole.samples) < 1500, whole.time, whole.time + 60.0))
+    how = Preprocessing(Butterworth(5.0))
+    for start, before in ((1500, 0), (2000, 501)):
+        part = apart.part(start, whole.samples, "the second motion")
+        found = preprocess(part, how).log.before
+        assert (0 if found is None else found.samples) == before
+    with pytest.raises(LogMismatch, match="a gap of 60"):
+        preprocess(apart.part(1000, whole.samples, "both"), how)
 
 
 def test_a_trim_that_leaves_nothing():

@@ -11,6 +11,7 @@ from dynident.case.case import Case
 from dynident.data.formats import LARGE
 from dynident.data.log import Log, Source
 from dynident.data.log_places import size_of
+from dynident.data.preprocessing import check_gaps
 from dynident.errors import BadOption, DescriptionError, LogMismatch
 from dynident.identification.estimators import Estimator
 
@@ -58,10 +59,12 @@ def read_data(case: Case) -> CaseData:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
     train, given = ([case.read(name) for name in names] for names in (case.train, case.test))
     _check_distinct(train, given)
-    if given or case.split is None:
-        return CaseData(tuple(train), tuple(given))
-    parts = [case.split.apply(log) for log in train]
-    return CaseData(tuple(a for a, _ in parts), tuple(b for _, b in parts))
+    if not given and case.split is not None:
+        parts = [case.split.apply(log) for log in train]
+        train, given = [a for a, _ in parts], [b for _, b in parts]
+    for log in (*train, *given):
+        check_gaps(log, case.preprocessing.longest_gap_s)  # else a test log is refused after the fit only
+    return CaseData(tuple(train), tuple(given))
 
 
 def _check_distinct(train: Sequence[Log], test: Sequence[Log]) -> None:

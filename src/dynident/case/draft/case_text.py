@@ -19,7 +19,7 @@ from dynident.case.draft.servo_text import is_servo_log, servo_lines
 from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.case.evidence.torques import agrees
-from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
+from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over, longest_step
 from dynident.identification.problem.problem import rest_speeds
 from dynident.model.base_parameters import IDENTIFIABLE, base_parameters
 from dynident.model.dynamic_model import DynamicModel
@@ -341,6 +341,8 @@ def _rest_share(found: Recognised) -> float:
     reading = found.readings[0]
     time = reading.time * found.to_seconds
     even = np.linspace(time[0], time[-1], min(len(time), 20_000))
+    steps = np.diff(time)
+    is_logged = steps[np.searchsorted(time, even[:-1], "right") - 1] <= longest_step(float(np.median(steps)))
     positions = reading.signals["q"]
     factors = position_factors(found.units["position"], positions.shape[1])
     q = np.column_stack([np.interp(even, time, column) for column in positions.T]) * factors
@@ -350,7 +352,8 @@ def _rest_share(found: Recognised) -> float:
         slowest = rest_speeds(found.moving, _STANDSTILL)[[found.moving.joint_names.index(name) for name in names]]
     held = found.still.keys() | found.grippers.keys() | found.without_effort.keys()
     free = [k for k in range(len(slowest)) if len(names) != len(slowest) or names[k] not in held]
-    return float(at_rest(np.gradient(q, step, axis=0), slowest, 1 / step)[:, free].mean()) if free else 1.0
+    rest = at_rest(np.gradient(q, step, axis=0), slowest, 1 / step)[:-1][is_logged]
+    return float(rest[:, free].mean()) if free else 1.0
 
 
 def _data(found: Recognised, files: Files) -> list[str]:

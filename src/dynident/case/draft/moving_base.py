@@ -21,6 +21,9 @@ _MOTIONS = frozenset(
 )
 _OTHERS = frozenset("acc accel acceleration force wrench torque tau covariance cov stamp sec nanosec time".split())
 
+#: Words for the end of an arm, whose pose has the base for its frame (``base.tool_pose_x`` of Kortex) or beside it.
+_ENDS = frozenset("tool tcp ee eef effector endeffector flange gripper hand wrist tip camera".split())
+
 #: Span of a column, outliers left out, from which it moves: m, rad, m/s or rad/s.
 _MOVES, _OUTLIERS = 0.05, (0.02, 0.98)
 
@@ -52,7 +55,7 @@ def moving_base(robot: Robot, tables: Sequence[LogTable]) -> list[str]:
 def _is_of_base(name: str) -> bool:
     words = set(tokens_of(name))
     is_told = any(KIND.get(word) in ("commanded", "model") for word in words)
-    return bool(words & _BASES and words & _MOTIONS) and not words & _OTHERS and not is_told
+    return bool(words & _BASES and words & _MOTIONS) and not words & (_OTHERS | _ENDS) and not is_told
 
 
 def _spans(table: LogTable, names: Sequence[str]) -> list[float]:

@@ -13,7 +13,7 @@ from dynident.case.evidence.positions import STILL, travel
 from dynident.case.evidence.rows import MOST_LOST, out_of_order, same_as_before, sortable
 from dynident.data.formats import LogFormat, LogTable, open_log
 from dynident.data.formats.base import MIN_SAMPLES
-from dynident.data.preprocessing import longest_step
+from dynident.data.preprocessing import BRIDGED, longest_step
 from dynident.data.split import EPISODE, episode_rows
 from dynident.errors import LogFormatError, NoNumbers
 
@@ -173,6 +173,14 @@ def long_gap(time: Array) -> float:
     steps = np.diff(time)
     longest = float(steps.max())
     return longest if longest > longest_step(float(np.median(steps))) else 0.0
+
+
+def longest_part(time: Array) -> slice:
+    """Return the most rows without a gap that is too long to be bridged, of a time in s, shape (N,)."""
+    steps = np.diff(time)
+    cuts = np.flatnonzero(steps > longest_step(float(np.median(steps)), BRIDGED)) + 1
+    ends = [0, *cuts.tolist(), len(time)]
+    return max(map(slice, ends, ends[1:]), key=lambda rows: rows.stop - rows.start)
 
 
 def band(time: Array, q: Array) -> float:

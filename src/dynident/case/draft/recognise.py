@@ -12,7 +12,7 @@ from dynident.case.draft.column_groups import groups_of_robot, single_temperatur
 from dynident.case.draft.command_pairs import by_commands
 from dynident.case.draft.joint_choice import JointChoice, choose_joints, lacking
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
-from dynident.case.draft.readings import LogReading, band, cutoff_from, read_rows
+from dynident.case.draft.readings import LogReading, band, cutoff_from, longest_part, read_rows
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.servo_text import has_counts, is_servo_log
 from dynident.case.draft.signal_choice import choose_signals
@@ -278,9 +278,10 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
     fits_joints = moving is not None and moving.dof == reading.signals["q"].shape[1]
     if moving is not None and fits_joints and not found.on_motors and units["time"].words:
         order = [found.joints.names.index(name) for name in moving.joint_names]
-        q = (reading.signals["q"] * factors)[:, order]
+        rows = longest_part(reading.time * found.to_seconds)
+        q = (reading.signals["q"] * factors)[rows, order]
         cutoff = min(cutoff_of(found), 0.2 / (reading.step * found.to_seconds))
-        time, logged = reading.time * found.to_seconds, reading.signals[effort][:, order]
+        time, logged = reading.time[rows] * found.to_seconds, reading.signals[effort][rows, order]
         evidence = torque_evidence(moving, time, q, logged, cutoff)
         sample = (moving, Log(moving.joint_names, time, q, torque=logged))
     if effort == "current" and "current" not in units:

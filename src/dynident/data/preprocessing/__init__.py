@@ -24,8 +24,8 @@ UNIFORM = 1e-3
 #: A longer gap in time, in s, is not bridged where nothing else is stated (nor one shorter than ten steps refused).
 LONGEST_GAP = 0.5
 
-#: A longer gap, in s, is not proposed to be bridged: its straight line takes the place of whole motions.
-BRIDGED = 30.0
+#: A longer gap, in s, is not proposed to be bridged: the rows of its straight line, though left out, take memory.
+BRIDGED = 300.0
 
 #: What to do about a gap that is not bridged.
 SPLIT = "split the log there"
@@ -187,8 +187,12 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
 
 def _filtered(log: Log, how: Preprocessing) -> Log:
     """Return a log on a uniform grid, filtered, and likewise the motion before it."""
-    found = how.filter.apply(resample(log, how.longest_gap_s))
-    return replace(found, before=_filtered(log.before, how)) if isinstance(log.before, Log) else found
+    found, before = how.filter.apply(resample(log, how.longest_gap_s)), log.before
+    if not isinstance(before, Log):
+        return found
+    start = 1 + max((-1, *_long_gaps(before, how.longest_gap_s)))
+    before = before.rows(slice(start, None), "since the last gap") if start else before
+    return replace(found, before=_filtered(before, how) if before.samples >= 10 else None)
 
 
 def thinned(filtered: Log, how: Preprocessing, delay_s: float = 0.0) -> Prepared:
@@ -312,11 +316,8 @@ def resample(log: Log, longest_gap: float | None = None) -> Log:
         row = int(np.argmax(steps <= 0)) + 1
         evidence = f"time does not run forward at sample {row + 1} ({log.time[row - 1]:.6g} to {log.time[row]:.6g} s)"
         raise LogMismatch(log.name, evidence, "sort the rows or remove the repeated ones")
+    check_gaps(log, longest_gap)
     middle = float(np.median(steps))
-    if np.max(steps) > longest_step(middle, LONGEST_GAP if longest_gap is None else longest_gap):
-        row = int(np.argmax(steps))
-        remedy = SPLIT if longest_gap is None else gap_remedy(float(steps[row]))
-        raise LogMismatch(log.name, f"a gap of {steps[row]:.4g} s after sample {row + 1}", remedy)
     if np.max(np.abs(steps - middle)) <= UNIFORM * middle:
         return log
     count = round(log.duration / middle) + 1
@@ -334,6 +335,29 @@ def resample(log: Log, longest_gap: float | None = None) -> Log:
     return replace(
         log.with_step(f"resampled to {(count - 1) / log.duration:.5g} Hz ({jitter})"), time=time, gaps=gaps, **moved
     )
+
+
+def check_gaps(log: Log, longest_gap: float | None = None) -> None:
+    """Refuse a log with a gap in time longer than ``longest_gap`` in s; None for half a second, and no other to state.
+
+    Raises:
+        LogMismatch: It has one.
+    """
+    if long := _long_gaps(log, longest_gap):
+        steps = np.diff(log.time)
+        row = max(long, key=lambda place: steps[place])
+        remedy = SPLIT if longest_gap is None else gap_remedy(float(steps[row]))
+        place = f"sample {row + 1}, {log.time[row] - log.time[0]:.4g} s from its start"
+        raise LogMismatch(log.name, f"a gap of {steps[row]:.4g} s after {place}", remedy)
+
+
+def _long_gaps(log: Log, longest_gap: float | None) -> list[int]:
+    """Return the samples after which a gap follows that is not bridged."""
+    if log.samples < 2:
+        return []
+    steps = np.diff(log.time)
+    least = longest_step(float(np.median(steps)), LONGEST_GAP if longest_gap is None else longest_gap)
+    return np.flatnonzero(steps > least).tolist()
 
 
 def longest_step(middle: float, longest_gap: float = LONGEST_GAP) -> float:
