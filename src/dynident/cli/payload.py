@@ -89,8 +89,8 @@ def run(options: argparse.Namespace) -> int:
         _show(found, forms, weighed=None if options.mass_std else options.mass)
     if found.placed:
         return 0
-    unknown = f"{', '.join(found.unknown)} not determined well enough"
-    console.remark(f"error: {', '.join(found.logs)}: {unknown}: {unplaced_step(found)}")
+    unknown = "" if found.contradiction else f"{', '.join(found.unknown)} not determined well enough: "
+    console.remark(f"error: {', '.join(found.logs)}: {unknown}{unplaced_step(found)}")
     return 1
 
 
@@ -133,10 +133,10 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
         for name, text in forms.items():
             console.answer(f"  {name}: {text}")
     else:
-        unknown = ", ".join(found.unknown)
+        unknown = "" if found.contradiction else f"{', '.join(found.unknown)} not determined well enough; "
         console.answer()
         why = unplaced_step(found)
-        console.answer_text(f"no form for controllers: {unknown} not determined well enough; {why}")
+        console.answer_text(f"no form for controllers: {unknown}{why}")
     for remark in found.remarks:
         if remark != why:
             console.answer_text(f"remark: {remark}")

@@ -12,7 +12,7 @@ import numpy as np
 from dynident.arrays import Array, finite
 from dynident.case.acceptance import CONDITIONS, CRITERIA, Acceptance
 from dynident.diagnosis.finding import UNLIKE_OTHERS, Severity
-from dynident.diagnosis.new_log import NewLog
+from dynident.diagnosis.new_log import NewLog, unlike
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Z_95, Validation
@@ -90,6 +90,7 @@ class Verdict:
         apart: Logs of the fit that parameters of the other ones do not explain, by a warning.
         warned: Other findings of the log checks at warning level, each name once with its joints.
         new: What logs that had no part in the fit say, where the verdict is on these.
+        far: Where a test that had no part in the fit errs far beyond the training, where it is on the fit.
     """
 
     causes: tuple[ErrorFinding, ...]
@@ -98,6 +99,7 @@ class Verdict:
     apart: tuple[str, ...] = ()
     warned: tuple[str, ...] = ()
     new: NewLog | None = None
+    far: str = ""
 
     @property
     def new_causes(self) -> tuple[ErrorFinding, ...]:
@@ -225,7 +227,8 @@ def verdict_of(
     judged = [_judged(name, limit, estimate, test, checked, on) for name, limit in stated.limits.items()]
     if new is not None:
         judged = [replace(one, detail=one.detail or on) if one.criterion == "log_checks" else one for one in judged]
-    return Verdict(causes, tuple(judged), known is not None, logs_apart(known or ()), _warned(known or ()), new)
+    far = unlike(estimate, test)[0] if test is not None and is_held_out and new is None else ""
+    return Verdict(causes, tuple(judged), known is not None, logs_apart(known or ()), _warned(known or ()), new, far)
 
 
 def _warned(quality: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:

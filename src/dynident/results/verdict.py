@@ -75,9 +75,9 @@ def reason_of(verdict: Verdict) -> str:
         told = f"the log checks have {count} finding{'s' * (count > 1)} at error level"
         return f"{told if count else 'it explains next to nothing of its own data'}; {STEP}"
     if verdict.word == NO_CRITERIA:
-        if not verdict.is_checked:
-            return "the log checks were not made"
-        told = "the checks of the training logs found no error"
+        told = (
+            "the checks of the training logs found no error" if verdict.is_checked else "the log checks were not made"
+        )
         but = [
             f"{what}: {_first_names(names)}"
             for what, names in (
@@ -86,6 +86,7 @@ def reason_of(verdict: Verdict) -> str:
             )
             if names
         ]
+        but += [label(verdict.far)] * bool(verdict.far)
         return f"{told}, but {'; '.join(but)}" if but else told
     missed = [criterion.criterion for criterion in verdict.criteria if not criterion.is_met]
     return ", ".join(missed) or f"{len(verdict.criteria)} of {len(verdict.criteria)} criteria met"

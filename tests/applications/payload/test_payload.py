@@ -257,6 +257,19 @@ def test_ends_that_the_log_does_not_tell_apart_are_named() -> None:
     assert chosen_end(("left",), (900.0,)) == ("left", [])
 
 
+def test_a_stated_mass_that_the_log_contradicts_is_not_obeyed(robot: Robot, estimate: Estimate) -> None:
+    """It had been: half the mass gave a centre twice as far out, and a command for the controller."""
+    log = run_of(with_body(robot), 2)
+    weighed = identify_payload(estimate, [log]).mass.value
+    found = identify_payload(estimate, [log], known=BeforeRun(mass=0.5 * weighed, mass_deviation=0.01))
+    assert f"which contradicts the stated {0.5 * weighed:g} kg" in found.contradiction and not found.placed
+    with pytest.raises(BadOption, match="the log alone weighs"):
+        vendor_forms(found)
+    for mass in (weighed, 1.05 * weighed):  # within what scales of the torques may make
+        right = identify_payload(estimate, [log], known=BeforeRun(mass=mass))
+        assert right.placed and not right.contradiction
+
+
 def test_a_run_without_payload_says_so(robot: Robot, estimate: Estimate) -> None:
     found = identify_payload(estimate, [run_of(robot, 5)])
     assert not found.placed and "no payload is evident" in " ".join(found.remarks)

@@ -15,7 +15,9 @@ from dynident.data.log import Log
 from dynident.exports.models import export_model
 from dynident.exports.models.subject.drives import Drives, drives_of
 from dynident.exports.models.subject.identified import identified
+from dynident.exports.models.subject.states import motion_of_fit
 from dynident.identification.estimate.estimate import Estimate
+from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
@@ -53,6 +55,19 @@ def missing(estimate: Estimate, drives: Drives) -> np.ndarray:
     offset = model.coefficient_table(estimate.theta)[:, 2]
     rest = true - offset - drives.torque(motion, armature=True, coupled=True)
     return np.sqrt(np.mean(rest**2, axis=0))
+
+
+def test_logged_temperatures_leave_the_motion_of_the_fit_as_it_is(curved: Estimate, spatial_3r: Robot) -> None:
+    """Every export of such an estimate had ended in an error of shapes."""
+    seen = curved.envelope
+    assert seen is not None
+    low, high = (np.vstack([side, np.full(3, at)]) for side, at in ((seen.low, 20.0), (seen.high, 35.0)))
+    warm = replace(curved, envelope=replace(seen, low=low, high=high))
+    motion, same = motion_of_fit(warm), motion_of_fit(curved)
+    assert all(np.array_equal(getattr(motion, name), getattr(same, name)) for name in ("q", "dq", "ddq"))
+    heated = replace(warm, model=DynamicModel(spatial_3r, tuple(map(FRICTION.make, ("viscous", "temperature")))))
+    drawn = motion_of_fit(heated).temperature
+    assert drawn is not None and drawn.min() == 20.0 and drawn.max() == 35.0
 
 
 def test_the_nearest_two_numbers_lose_little_of_a_curve(curved: Estimate) -> None:

@@ -75,6 +75,7 @@ class CarriedLoad:
         residual: Root mean square of what is left, by joint: torque without the payload, with it.
         logs: Names of the logs.
         remarks: What has to be said.
+        contradiction: How the log contradicts a stated mass; empty where it does not.
     """
 
     frame: str
@@ -92,6 +93,7 @@ class CarriedLoad:
     residual: Mapping[str, tuple[float, float]]
     logs: tuple[str, ...]
     remarks: tuple[str, ...]
+    contradiction: str = ""
 
     @property
     def mass(self) -> LoadParameter:
@@ -120,8 +122,8 @@ class CarriedLoad:
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Names of mass and coordinates of the centre of mass that are not identified."""
-        return tuple(one.name for one in (self.mass, *self.centre) if not one.known)
+        """Names of mass and coordinates of the centre of mass that are not identified; all with a contradicted mass."""
+        return tuple(one.name for one in (self.mass, *self.centre) if self.contradiction or not one.known)
 
     def figures(self) -> dict[str, Any]:
         """Return everything as plain data."""

@@ -20,7 +20,7 @@ from dynident.applications.payload.difference_fit import (
 from dynident.applications.payload.flanges import chosen_end, ends_of, frames_beside
 from dynident.applications.payload.gain_doubt import GainDoubt, gain_doubt, scaled_rows
 from dynident.applications.payload.poses import holding_friction, mostly_standing, posture_log
-from dynident.applications.payload.statement import PayloadFit, stated, unexplained
+from dynident.applications.payload.statement import PayloadFit, contradiction, stated, unexplained
 from dynident.arrays import Array, IntArray
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
@@ -112,7 +112,13 @@ def identify_payload(
     gains_of = [run.gain() for run in runs.values()] if len(runs) > 1 else [0.0]
     frame, remarks = chosen_end(ends, gains_of)
     remarks = [] if flange else [*remarks, *frames_beside(robot, frame)]
-    return stated(runs[frame].solve(), estimate, frame, level, tuple(log.name for log in logs), tuple(remarks))
+    told = estimate, frame, level, tuple(log.name for log in logs)
+    found = stated(runs[frame].solve(), *told, tuple(remarks))
+    if known.mass is None:
+        return found
+    alone = _Run(estimate, used, rows, runs[frame].place, replace(beforehand, mass=None, deviation=0.0), progress)
+    against = contradiction(known.mass, known.mass_deviation, stated(alone.solve(), *told, ()).mass)
+    return replace(found, contradiction=against, remarks=tuple(filter(None, (against, *found.remarks))))
 
 
 def _gain_deviations(estimate: Estimate, logs: Sequence[Log], deviation: float | None) -> Array | None:

@@ -33,6 +33,10 @@ SHARE = 0.5
 #: Torque that is left with the payload, as a multiple of that of the fit, from which on the payload explains nothing.
 FAR = 10.0
 
+#: Half widths from the mass that the log alone tells beyond which a stated one contradicts it (three deviations), and
+#: share of it that the scale of the torques alone may make.
+APART, GAINS = 1.5, 0.1
+
 #: Chance of a body as far from the ten by noise alone below which it is said.
 UNLIKELY = 0.001
 
@@ -195,6 +199,22 @@ def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
         text = f"a payload on {own} explains the torques far better, that of {joint.name} to {rest[worst]:.3g} "
         remarks.insert(0, f"{text}{joint.unit}: --flange {flange}")
     return remarks
+
+
+def contradiction(mass: float, deviation: float, alone: LoadParameter) -> str:
+    """Return what is to be said of a stated mass in kg that is far from what the log alone says; empty where it is not.
+
+    Args:
+        mass: The stated mass, in kg.
+        deviation: Its standard deviation, in kg.
+        alone: The mass by the log alone.
+    """
+    allowed = max(APART * float(np.hypot(alone.half_width, 2.0 * deviation)), GAINS * mass)
+    if not np.isfinite(allowed) or abs(alone.value - mass) <= allowed:
+        return ""
+    weighed = f"{alone.value:.4g} kg (+- {alone.half_width:.2g})"
+    told = f"the log alone weighs {weighed}, which contradicts the stated {mass:g} kg"
+    return f"{told}: weigh it again or leave --mass out; wrong drive gains do the same ('dynident gains' finds them)"
 
 
 def mass_doubt(mass: LoadParameter) -> str:

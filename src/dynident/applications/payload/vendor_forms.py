@@ -18,8 +18,8 @@ from dynident.model.inertia import Inertia
 
 
 def unplaced_step(load: CarriedLoad) -> str:
-    """Return why mass or centre of mass are not determined where the mass is no load's, else what to do."""
-    if doubt := mass_doubt(load.mass):
+    """Return why the mass is none that a load has or that the log tells; else what to do for a better log."""
+    if doubt := load.contradiction or mass_doubt(load.mass):
         return doubt
     mass = ", or state --mass" if not load.mass.known else ""
     centre = "; where no axis does, as along the axes of a SCARA, enter a measured centre of mass in the controller"

@@ -101,8 +101,10 @@ def motion_of_fit(estimate: Estimate) -> Motion:
     if seen is not None:
         drawn = np.random.default_rng(SEED).normal(size=(SEEN, len(seen.mean)))
         states = np.asarray(seen.mean) + drawn @ np.linalg.pinv(np.asarray(seen.whitener))
-        q, dq, ddq = np.clip(states.reshape(SEEN, 3, -1), seen.low, seen.high).transpose(1, 0, 2)
+        q, dq, ddq = np.clip(states.reshape(SEEN, 3, -1), seen.low[:3], seen.high[:3]).transpose(1, 0, 2)
         motion = replace(motion, q=q, dq=dq, ddq=ddq)
+        if motion.temperature is not None and len(seen.low) > 3:
+            motion = replace(motion, temperature=np.clip(motion.temperature, seen.low[3], seen.high[3]))
     has_no_level = any(part.needs_memory for part in model.friction)
     return model.with_states(motion, PACE) if has_no_level else motion
 
