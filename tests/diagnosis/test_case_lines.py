@@ -124,6 +124,16 @@ def test_zeros_turn_with_the_signs_and_motors_have_no_line(coupled_arm: Robot, p
         assert with_case_line(one, motors, coupled_arm) is one
 
 
+def test_zeros_of_several_joints_stand_in_one_line(planar_2r: Robot) -> None:
+    """Pasting the line of the second finding had undone that of the first."""
+    names = planar_2r.joint_names
+    columns = ColumnMap(joints=names, q=("a", "b"), torque=("c", "d"), zero=(0.3, -0.2))
+    both = [finding("position zero", name, value=value) for name, value in zip(names, (-0.1, 0.05), strict=True)]
+    for one in both:
+        assert "log: zero: [0.2, -0.15]" in with_case_line(one, columns, planar_2r, both).remedy
+    assert "log: zero: [0.2, -0.2]" in with_case_line(both[0], columns, planar_2r).remedy
+
+
 def test_units_are_stated_for_all_joints_of_a_kind_with_their_signs(scara: Robot, planar_2r: Robot) -> None:
     columns = ColumnMap(
         joints=scara.joint_names, q=tuple("abcd"), dq=tuple("efgh"), torque=(),

@@ -23,13 +23,14 @@ _SI = {
 TURNED = 200.0
 
 
-def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot) -> Finding:
+def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot, found: Sequence[Finding] = ()) -> Finding:
     """Return a finding whose remedy has the line of the case file, where units, signs or scales are at fault.
 
     Args:
         finding: The finding.
         columns: The columns of the log, resolved.
         robot: The robot of the case.
+        found: All findings of the log: zeros of several joints stand in one line.
     """
     if (stated := _stated(finding)) is not None:
         signal, unit = stated
@@ -37,8 +38,9 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot) -> Findin
         only = finding.joint.split(", ") if is_alone else columns.joints
         line = f"log: units: {{{QUANTITY[signal]}: {_in_unit(signal, unit, columns, robot, only)}}}"
         return replace(finding, remedy=f"state the unit in the case file ({line})")
-    if finding.name == "position zero" and {finding.joint} <= set(columns.joints) and not finding.beside:
-        line = _zeros(columns, {finding.joint: finding.numbers["value"]})
+    if _is_zero(finding, columns):
+        off = {one.joint: one.numbers["value"] for one in (*reversed(found), finding) if _is_zero(one, columns)}
+        line = _zeros(columns, off)
         return replace(finding, remedy=f"{finding.remedy}; where the positions are off, state it ({line})")
     line = _turned(finding, columns, robot)
     if not line:
@@ -49,6 +51,10 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot) -> Findin
         "torque sign": f"turn the sign in the case file ({line})",
     }.get(finding.name, f"{finding.remedy}; where the columns have another scale, state it ({line})")
     return replace(finding, remedy=remedy)
+
+
+def _is_zero(finding: Finding, columns: ColumnMap) -> bool:
+    return finding.name == "position zero" and finding.joint in columns.joints and not finding.beside
 
 
 def _turned(finding: Finding, columns: ColumnMap, robot: Robot) -> str:

@@ -396,4 +396,4 @@ def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Fin
     found = [finding for k in sorted(told) for finding in told[k]]
     if subject.raw.table is None:  # arrays, whose owner has no case file
         return found
-    return [with_case_line(finding, subject.raw.columns, subject.case.robot) for finding in found]
+    return [with_case_line(finding, subject.raw.columns, subject.case.robot, found) for finding in found]
