@@ -37,7 +37,9 @@ from dynident.data.formats._text_table import TextTable
 from dynident.data.preprocessing import BRIDGED, SPLIT
 from dynident.data.profiles import PROFILES
 from dynident.errors import BadOption, DynidentError, LogFormatError
+from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
+from dynident.robot_files.tree import PLACEHOLDERS
 
 #: Rows by which two columns of a time are told to be one.
 _FIRST_ROWS = 1 << 12
@@ -133,7 +135,7 @@ def draft_case(
         step = f"it reads {PROFILES.make(profile).time}, {reads}, for each joint of the robot; leave the profile out"
         raise BadOption("profile", profile, step)
     found = replace(found, form=written, is_large=sum(bytes_of(Path(log)) for log in train) > LARGE)
-    remarks = (*ties, *_unread(tables), *moving_base(found.robot, tables), *_remarks(found))
+    remarks = (*ties, *_placeholders(described), *_unread(tables), *moving_base(found.robot, tables), *_remarks(found))
     files = Files(robot, train, tuple(test), Path(folder))
     text = case_text(found, files, remarks)
     return Draft(text, remarks, questions_in(text), found, files)
@@ -274,6 +276,11 @@ def _is_table(table: LogTable) -> bool:
         )
     table.columns(names[:1])
     return True
+
+
+def _placeholders(robot: Robot) -> list[str]:
+    told = [text for text in robot.note.split("; ") if text.startswith(PLACEHOLDERS)]
+    return [f"the robot model's {text}; they tell no gain and no unit" for text in told]
 
 
 def _unread(tables: Sequence[LogTable]) -> list[str]:

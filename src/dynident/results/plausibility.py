@@ -12,7 +12,7 @@ from dynident.identification.estimate.validation import Validation
 from dynident.model.plausible import consistency_defects, is_too_light, mean_density, shape_points
 from dynident.model.robot import Link, Robot
 from dynident.results.text import Column, Table, format_number, format_percent, label
-from dynident.robot_files.tree import weightless
+from dynident.robot_files.tree import PLACEHOLDERS, weightless
 
 
 def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]:
@@ -54,7 +54,8 @@ def nominal_lines(robot: Robot, facts: Plausibility) -> list[str]:
     """Return which nominal inertias are missing, impossible or no bodies of their link's size, and what is taken."""
     lines, defects, light = [], consistency_defects(robot.links), _weightless(robot)
     if links := links_of_unknown_mass(robot, facts):
-        why = "the log does not determine them, and the robot model states none"
+        stated = "placeholders" if PLACEHOLDERS in robot.note else "none"
+        why = f"the log does not determine them, and the robot model states {stated}"
         lines.append(
             f"masses of {links} are not known: {why}; state them there, or mass or total_mass in the constraints"
         )

@@ -15,6 +15,7 @@ from dynident.files import read_at_most
 from dynident.model.robot import Robot
 from dynident.robot_files.formats.base import DESCRIPTIONS, Description
 from dynident.robot_files.robot_catalogue import ENDING, CataloguedFile, catalogued_file
+from dynident.robot_files.tree import without_placeholders
 from dynident.robot_files.xacro import expand, is_xacro, split_arguments
 
 MAX_BYTES: Final = 20_000_000
@@ -50,6 +51,7 @@ def read_robot(path: str | Path) -> Robot:
         return _format(f"{name}.yaml", ".yaml", data).read(f"{name}.yaml", data)
     found = robot_text(path)
     robot = _format(found.called, found.path.suffix.lower(), found.data).read(found.called, found.data)
+    robot = without_placeholders(robot)
     return replace(robot, note="; ".join([robot.note, *found.notes])) if found.notes else robot
 
 

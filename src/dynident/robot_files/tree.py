@@ -20,6 +20,9 @@ from dynident.model.shapes import Shape
 #: Largest parameter of a link of next to no mass, as a share of the largest of all links.
 NEXT_TO_NONE: Final = 1e-10
 
+#: What the note of a robot says of masses that are no robot's; they are not taken.
+PLACEHOLDERS: Final = "masses and inertias are placeholders, taken as not known"
+
 #: Mass of a link between two joints of one body, as a share of that body's, and radius of its ball in m.
 _SHARE, _RADIUS = 0.01 * NEXT_TO_NONE, 0.04
 
@@ -28,6 +31,28 @@ def weightless(bodies: Mapping[str, Inertia | None]) -> set[str]:
     """Return the bodies of next to no mass: such a link stands between two joints of one body."""
     sizes = {name: float(np.abs(body.vector).max()) for name, body in bodies.items() if body is not None}
     return {name for name, size in sizes.items() if size <= NEXT_TO_NONE * max(sizes.values())}
+
+
+def without_placeholders(robot: Robot) -> Robot:
+    """Return a robot whose masses are not known where its file states one body for all links, to have a mass at all.
+
+    That is one mass and moment of inertia, its centre in the frame of each link, for most links and most of the mass,
+    three of them and more in a row: wheels and propellers may be alike, the links of an arm are not.
+    """
+    bodies = [(link.inertia.vector if link.inertia is not None else np.zeros(10)).tolist() for link in robot.links]
+    heavy = [body for body in bodies if body[9] > 0]
+    own = max(heavy, key=heavy.count, default=[0.0] * 10)
+    alike = [body == own for body in bodies]
+    times = heavy.count(own)
+    if times < 3 or any(own[6:9]) or 2 * times <= len(heavy):
+        return robot
+    row = list[int]()
+    for k, joint in enumerate(robot.joints):
+        row.append((1 + (row[joint.parent] if joint.parent >= 0 else 0)) * alike[k])
+    if max(row) < 3 or 2 * times * own[9] <= sum(body[9] for body in bodies):
+        return robot
+    note = f"{PLACEHOLDERS}: {times} of {len(bodies)} links state one body of {own[9]:g} kg, its centre in their frame"
+    return replace(with_unknown(robot, [link.name for link in robot.links]), note=f"{robot.note}; {note}")
 
 
 def between_joints(body: Inertia | None) -> Inertia:
