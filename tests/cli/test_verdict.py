@@ -188,7 +188,7 @@ def test_a_unit_of_time_stops_the_fit(
 def test_without_checks_the_verdict_says_so(
     spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    recorded(spatial_3r, _turned, "accept: {log_checks: true}\n")
+    recorded(spatial_3r, lambda log: log, "accept: {log_checks: true}\n")
     assert main(["identify", "case.yaml", "run.csv", "--no-check", *QUICK]) == 3
     out = capsys.readouterr().out
     assert "CRITERIA NOT MET: log_checks" in out and "log checks: not made" in out

@@ -5,11 +5,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from benchmarks.faults.clean import written
 from benchmarks.faults.moved_links import KINDS, holds, moved
 
 from dynident.case.case import read_case
 from dynident.diagnosis.examination import examine
 from dynident.diagnosis.finding import Finding
+from dynident.identification.identify import identify
 
 
 def told(found: list[Finding]) -> list[Finding]:
@@ -40,6 +42,20 @@ def test_a_wrong_zero_is_told_with_the_line_that_mends_it(seed: int, tmp_path: P
     (tmp_path / "case.yaml").write_text(text.replace("log:\n", f"log:\n  {line}\n"))
     mended = examine(read_case(tmp_path / "case.yaml"), str(tmp_path / "run.csv")).findings
     assert not [one for one in mended if one.name == "position zero" and abs(one.numbers["value"]) > 0.01]
+
+
+@pytest.mark.parametrize(("seed", "joint"), [(4, 1), pytest.param(13, 2, marks=pytest.mark.battery)])
+def test_a_zero_far_off_has_its_figure_against_an_earlier_estimate(seed: int, joint: int, tmp_path: Path) -> None:
+    """Straight lines about the bodies that such a log fits had 18.4 +- 0.14 degrees for 20."""
+    log = moved(seed, "right")
+    case = log.case(tmp_path)
+    earlier = identify(case.model, [case.read(tmp_path / "run.csv")], "wls", case.preprocessing)
+    q = log.columns["q"] + np.deg2rad(20.0) * (np.arange(log.columns["q"].shape[1]) == joint)
+    written({**log.columns, "q": q}, tmp_path / "off.csv")
+    found = examine(case, str(tmp_path / "off.csv"), earlier).findings
+    (zero,) = [one for one in found if one.name == "position zero"]
+    assert zero.joint == list(log.truth)[joint] and holds(zero, -np.deg2rad(20.0))
+    assert zero.numbers["half_width"] < np.deg2rad(1.0)
 
 
 @pytest.mark.parametrize("seed", [3, 13])

@@ -34,9 +34,9 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot, found: Se
     """
     if (stated := _stated(finding)) is not None:
         signal, unit = stated
-        is_alone = finding.name == "position unit" or finding.numbers.get("alone")
-        only = finding.joint.split(", ") if is_alone else columns.joints
-        line = f"log: units: {{{QUANTITY[signal]}: {_in_unit(signal, unit, columns, robot, only)}}}"
+        only = finding.joint.split(", ") if finding.numbers.get("alone") else columns.joints
+        units = dict.fromkeys(only, unit) if unit else _position_units(finding.numbers)
+        line = f"log: units: {{{QUANTITY[signal]}: {_in_unit(signal, units, columns, robot)}}}"
         return replace(finding, remedy=f"state the unit in the case file ({line})")
     if _is_zero(finding, columns):
         off = {one.joint: one.numbers["value"] for one in (*reversed(found), finding) if _is_zero(one, columns)}
@@ -47,7 +47,7 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot, found: Se
         return finding
     remedy = {
         "axis sign": f"{finding.remedy}; the signs turned: {line}",
-        "position sign": f"turn its sign, {line}, or the axis",
+        "position sign": f"turn {'the signs' if ', ' in finding.joint else 'its sign'}, {line}, or the axis",
         "torque sign": f"turn the sign in the case file ({line})",
     }.get(finding.name, f"{finding.remedy}; where the columns have another scale, state it ({line})")
     return replace(finding, remedy=remedy)
@@ -85,22 +85,30 @@ def _zeros(columns: ColumnMap, added: Mapping[str, float], factors: Mapping[str,
 
 
 def _stated(finding: Finding) -> tuple[str, str] | None:
-    """Return the signal and the unit that a finding tells of it; None where it tells none."""
+    """Return the signal and the unit that a finding tells of it, empty for one of each joint; None for none."""
     if finding.name == "velocity unit":
         return "dq", "mm/s" if finding.numbers["ratio"] > TURNED else "deg/s"
-    if finding.name == "position unit" and "factor" in finding.numbers:
-        factor = finding.numbers["factor"]
-        return "q", ("deg" if factor > 1e-2 else "mm") if factor < 1.0 else "rad" if factor < 100.0 else "m"
+    if finding.name == "position unit" and _position_units(finding.numbers):
+        return "q", ""
     words = {"positions in degrees": "deg", "positions in millimetres": "mm", "positions in radians": "rad"}
     return ("q", words[finding.name]) if finding.name in words else None
 
 
-def _in_unit(signal: str, unit: str, columns: ColumnMap, robot: Robot, only: Sequence[str]) -> str:
-    """Return the units of a signal where it is in a unit at joints that may have it; signs that are stated stay."""
-    kind, plain = UNITS[QUANTITY[signal]][unit][1], []
+def _position_units(numbers: Mapping[str, float]) -> dict[str, str]:
+    """Return the unit of each joint whose positions are to be multiplied by a factor."""
+    factors = {key.removeprefix("factor "): value for key, value in numbers.items() if key.startswith("factor ")}
+    return {
+        name: ("deg" if factor > 1e-2 else "mm") if factor < 1.0 else "rad" if factor < 100.0 else "m"
+        for name, factor in factors.items()
+    }
+
+
+def _in_unit(signal: str, units: Mapping[str, str], columns: ColumnMap, robot: Robot) -> str:
+    """Return the units of a signal where it is in another one at joints that may have it; stated signs stay."""
+    kinds, plain = {joint.name: joint.kind for joint in robot.active}, list[str]()
     for name, count, own in _own_units(signal, columns, robot):
-        fits = name in only and any(joint.name == name and joint.kind == kind for joint in robot.active)
-        plain.append(_counted(-1.0 if count < 0.0 else 1.0, unit) if fits else _counted(count, own))
+        fits = name in units and kinds.get(name) == UNITS[QUANTITY[signal]][units[name]][1]
+        plain.append(_counted(-1.0 if count < 0.0 else 1.0, units[name]) if fits else _counted(count, own))
     return plain[0] if len(set(plain)) == 1 else f"[{', '.join(plain)}]"
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array, finite
+from dynident.arrays import finite
 from dynident.case.acceptance import CONDITIONS, CRITERIA, Acceptance
-from dynident.diagnosis.finding import UNLIKE_OTHERS, Severity
+from dynident.diagnosis.finding import UNLIKE_OTHERS, Severity, listed
 from dynident.diagnosis.new_log import NewLog, unlike
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
@@ -21,6 +21,10 @@ ACCEPTED, NOT_ACCEPTED, NOT_MET, NO_CRITERIA = "accepted", "not accepted", "crit
 
 #: Share of the torque's variation at a joint that is left of it from which the joint is not explained.
 WORTHLESS = 0.9
+
+#: Share of it from which next to nothing of a joint's torque is explained, and rise of the residual over the fit of
+#: inconsistent links from which consistent ones are why: twice.
+LOST, RISES = 0.75, 1.0
 
 #: What a finding is about that is of a fit and of no log.
 OF_FIT = "the estimate"
@@ -168,16 +172,17 @@ def quality_of(estimate: Estimate) -> Sequence[Mapping[str, Any]] | None:
     return estimate.provenance.get("log_quality")
 
 
-def _left_in_full(train: Validation) -> Array:
+def _left_in_full(train: Validation) -> dict[str, float]:
     """Return the share of each joint's torque that is left, joints at rest against the model's torque as in motion.
 
     What static friction can hold explains nothing: a fit of nothing may have much of it.
     """
+    names = [joint.name for joint in train.joints]
     if not len(train.time):
-        return np.sqrt([1.0 - joint.r2 for joint in train.joints if np.isfinite(joint.r2)])
+        return {joint.name: float(np.sqrt(1.0 - joint.r2)) for joint in train.joints if np.isfinite(joint.r2)}
     spread = np.std(train.measured, axis=0)
     left = np.sqrt(np.mean((train.measured - train.predicted) ** 2, axis=0))
-    return left[spread > 0] / spread[spread > 0]
+    return {name: float(one / size) for name, one, size in zip(names, left, spread, strict=True) if size > 0}
 
 
 def causes_against(estimate: Estimate, quality: Sequence[Mapping[str, Any]] | None = None) -> tuple[ErrorFinding, ...]:
@@ -189,16 +194,25 @@ def causes_against(estimate: Estimate, quality: Sequence[Mapping[str, Any]] | No
     """
     found = errors_in((quality_of(estimate) if quality is None else quality) or ())
     left = _left_in_full(estimate.train)
-    poor = int(np.count_nonzero(left > WORTHLESS))
-    if poor <= len(left) / 2:  # a few rows far out are those of some joints
+    poor = [share for share in left.values() if share > WORTHLESS]
+    if len(poor) > len(left) / 2:  # a few rows far out are those of some joints
+        evidence = (
+            f"at {len(poor)} of {len(left)} joints {100 * min(poor):.0f} % or more of the torque's variation is left "
+            "on the data of the fit, about as much as of a constant torque"
+        )
+        remedy = "check columns, signs, units, gains and coupling"
+        return (*found, ErrorFinding(OF_FIT, "nothing explained", "", evidence, remedy))
+    rise = estimate.run.data().get("residual_above_unconstrained") or 0.0
+    lost = {name: share for name, share in left.items() if share > LOST}
+    if found or not lost or not rise > RISES:
         return found
-    least = 100 * float(np.min(left[left > WORTHLESS]))
+    shares = listed([f"{100 * one:.0f} % at {name}" for name, one in lost.items()])
     evidence = (
-        f"at {poor} of {len(left)} joints {least:.0f} % or more of the torque's variation is left on the data of the "
-        "fit, about as much as of a constant torque"
+        f"links of positive mass density leave {shares} of the torque's variation on the data of the fit, "
+        f"and make its residual {1.0 + rise:.3g} times that of parameters without this condition"
     )
-    remedy = "check columns, signs, units, gains and coupling"
-    return (*found, ErrorFinding(OF_FIT, "nothing explained", "", evidence, remedy))
+    remedy = "check units of positions and torques, gains and gear ratios, and lengths and axes of the robot model"
+    return (ErrorFinding(OF_FIT, "inconsistent links", listed([*lost]), evidence, remedy),)
 
 
 def verdict_of(

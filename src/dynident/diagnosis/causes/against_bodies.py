@@ -10,16 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_figures import STEPS
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, ends, load_columns, own_inertia
 from dynident.diagnosis.causes.known_bodies import LEAST, KnownBodies, NominalBodies
 from dynident.diagnosis.causes.model_error import FitErrors
-from dynident.diagnosis.causes.trends import Trends
+from dynident.diagnosis.causes.trends import CURVED, Trends
 from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
 from dynident.model.lapack import inverse_positive
 
@@ -32,6 +34,9 @@ HALF = 0.5
 
 #: Causes that have no meaning against bodies: friction may be another one. Name and joint of the scale of all torques.
 LEFT_OUT, OF_ALL = ("friction curve",), ("torque scale", "")
+
+#: Where a fit begins: residual variances, deviations of the bodies and load.
+Begin: TypeAlias = tuple[Array, Array, Array]
 
 
 class Anchored(CauseSearch):
@@ -67,36 +72,43 @@ class Anchored(CauseSearch):
         self.columns = replace(self.columns, grams=self.columns.grams.copy(), sides=self.columns.sides.copy())
         self._inverse = np.linalg.inv(known.factor)
         _turn(self.columns.grams, self.columns.sides, self._known.places, self._inverse)
-        self._found = dict[tuple[int, ...], tuple[Array, Array, Array]]()  # where the fit with one cause more begins
+        self.errors_of_bodies = 0.0  # relative, beside all causes that were found
+        self._found = dict[tuple[int, ...], Begin]()  # where the fit with one cause more begins
 
     def fitted(self, chosen: Sequence[int]) -> Solved:
         solved, found = self._fitted(chosen, np.zeros(TEN))
-        slot = self._load(chosen)
+        slot, more = self._load(chosen), list[tuple[Solved, Begin]]()
+        if slot is not None and (self.causes[chosen[-1]].name, self.causes[chosen[-1]].joint) == OF_ALL:
+            more.append(
+                self._fitted(chosen, np.zeros(TEN), afresh=True)
+            )  # a load beside bodies of another size is another
         if slot is not None and solved.beta[slot[TOLD - 1]] < 0.0:  # the sign of the moments of inertia may hold it
             begin = found[2].copy()
             begin[TOLD - 1] *= -1.0
-            other, turned = self._fitted(chosen, begin)
+            more.append(self._fitted(chosen, begin))
+        for other, place in more:
             if self._deviance(other) < self._deviance(solved):
-                solved, found = other, turned
+                solved, found = other, place
         self._found[tuple(chosen)] = found
         return solved
 
     def _deviance(self, solved: Solved) -> float:
         return float((self.rows.counts / self._factors) @ np.log(solved.variances)) + solved.surprise
 
-    def _fitted(self, chosen: Sequence[int], load: Array) -> tuple[Solved, tuple[Array, Array, Array]]:
+    def _fitted(self, chosen: Sequence[int], load: Array, afresh: bool = False) -> tuple[Solved, Begin]:
         """Return the fit, and residual variances, deviations of the bodies and load where the next one begins.
 
         Args:
             chosen: Causes that are fitted, by their numbers.
             load: Where a load at the flange begins, if it is the last of them.
+            afresh: Whether nothing of the fit without the last of them is taken over.
         """
         products, slot, scale = self.products(chosen), self._load(chosen), self._scale(chosen)
         known, held = self._known, self._known.places
         counts, squares, floors = self.rows.counts, self.columns.squares, self.floors
         start = (self.columns.whole / counts + floors, np.full(2, FIRST), load)
-        is_load = bool(chosen) and self.causes[chosen[-1]].hidden > 0  # which the bodies have taken in before: afresh
-        variances, shares, load = start if is_load else self._found.get(tuple(chosen[:-1]), start)
+        afresh |= bool(chosen) and self.causes[chosen[-1]].hidden > 0  # a load, which the bodies have taken in before
+        variances, shares, load = start if afresh else self._found.get(tuple(chosen[:-1]), start)
         off = weights = prior = sizes = left = np.zeros(0)
         scaled = inverse = turn = np.zeros((0, 0))
         own, beta = 1.0, np.zeros(len(products[1][0]))
@@ -186,6 +198,8 @@ class Anchored(CauseSearch):
         """Return the causes that are sure; the figures of rotor inertias are those beside all others."""
         found = super().blames()
         numbers = [next(k for k, one in enumerate(self.causes) if one is blame.cause) for blame in found]
+        self.fit(numbers)
+        self.errors_of_bodies = float(np.linalg.norm(self._found[tuple(numbers)][1]))
         return tuple(self._beside_all(blame, k, numbers) for blame, k in zip(found, numbers, strict=True))
 
     def _beside_all(self, blame: Blame, k: int, numbers: Sequence[int]) -> Blame:
@@ -262,19 +276,50 @@ class AgainstBodies:
         self.fit, self._trends, self._known = trends.fit, trends, known
 
     @cached_property
-    def search(self) -> Anchored:
-        """The products of all columns.
+    def _looked(self) -> tuple[Anchored, tuple[Blame, ...]]:
+        """The search and what it has found: what acts on the motion about bodies of an estimate at its own figures.
+
+        Columns that are straight lines about fitted bodies, which another zero has wrong, hold for small figures alone.
+        """
+        causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
+        search, known = self._search(causes), dict[tuple[str, str], Blame]()
+        found, beta = search.blames(), self.fit.plain.beta.copy()
+        beta[self._known.places] = self._known.values
+        for _ in range(0 if isinstance(self._known, NominalBodies) else STEPS):
+            curved = {(one.cause.name, one.cause.joint): one for one in found if one.cause.name in CURVED}
+            values = {id(one.cause): one.values for one in curved.values()}
+            if all(key in known and np.allclose(one.values, known[key].values, SETTLED) for key, one in curved.items()):
+                break
+            known = curved
+            causes = [
+                self._trends.made_again(one, beta, values[id(one)]) if id(one) in values else one for one in causes
+            ]
+            search = self._search(causes)
+            found = search.blames()
+        return search, found
+
+    @property
+    def blames(self) -> tuple[Blame, ...]:
+        """The causes that are sure, the one that explains most first."""
+        return self._looked[1]
+
+    def _search(self, causes: Sequence[Cause]) -> Anchored:
+        """Return a search among causes, a load at the flange and the scale of all torques.
 
         A load has ten parameters: of as few combinations of bodies of a robot model it explains whatever errors.
         """
-        fit = self.fit
-        causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
+        fit, causes = self.fit, [*causes]
         if len(self._known.places) > TEN or not isinstance(self._known, NominalBodies):
             for joint, link in ends(fit).items():
                 causes.append(Cause("load at the flange", joint, load_columns(fit, link), hidden=TEN - TOLD))
         causes.append(Cause(*OF_ALL, self.bodies[None]))
         factors = fit.counts / fit.independent_rows
         return Anchored(self._trends.rows, causes, self._known, factors, lambda: self._trends.errors)
+
+    @property
+    def errors_of_bodies(self) -> float:
+        """Relative standard deviation of the robot model's bodies beside all causes found; infinite of an estimate."""
+        return self._looked[0].errors_of_bodies if isinstance(self._known, NominalBodies) else np.inf
 
     @cached_property
     def masses(self) -> Array:

@@ -44,6 +44,9 @@ UNITS: Mapping[str, tuple[tuple[float, str, float], ...]] = {
     "prismatic": ((1e-3, "millimetres", 5.0), (1e3, "metres", LITTLE_SLIDE)),
 }
 
+#: Joints that travel oddly up to whose number all sets of them are read in other units; of more, pairs and all.
+SUBSETS = 4
+
 
 @dataclass(frozen=True)
 class Interpretation:
@@ -210,13 +213,16 @@ class PositionReadings:
         near = wrong | np.append(wrong[1:], False) | np.append(False, wrong[:-1])
         most, plain, ones = wrong.sum() >= len(wrong) / 2, tuple(range(joints)), np.ones(joints)
         turning = np.array([joint.kind == "revolute" for joint in fit.model.robot.active])
-        for i, name in enumerate(names):
-            turned = np.where(np.arange(joints) == i, -1.0, 1.0)
-            remedy = "negate the column of its position, or the axis"
-            yield from self._read(plain, turned, "position sign", (name,), remedy, FED if feeds[i] else GAIN + 1.0)
-            both = f"its position and {fit.effort}"
-            how, remedy = f"with {both} turned,", f"turn the signs of {both}, or its axis in the robot model"
-            yield from self._read(plain, turned, "axis sign", (name,), remedy, how=how, mixing=np.diag(turned))
+        sets = [np.arange(joints) == i for i in range(joints)]
+        sets += {own.tobytes(): own for own in (turning, ~turning, turning | True) if own.sum() > 1}.values()
+        for own in sets:
+            turned, told = np.where(own, -1.0, 1.0), tuple(names[i] for i in np.flatnonzero(own))
+            its = "its position" if len(told) == 1 else "their positions"
+            remedy, least = f"negate the column of {its}, or the axis", FED if feeds[own].all() else GAIN + 1.0
+            yield from self._read(plain, turned, "position sign", told, remedy, least)
+            both = f"{its} and {fit.effort}{'s' * (len(told) > 1)}"
+            how, remedy = f"with {both} turned,", f"turn the signs of {both}, or the axis in the robot model"
+            yield from self._read(plain, turned, "axis sign", told, remedy, how=how, mixing=np.diag(turned))
         pairs = list(combinations(np.flatnonzero(near).tolist(), 2)) or list(pairwise(plain))
         orders = [_turned(plain, pair) for pair in pairs]
         for order in dict.fromkeys(chain(orders, _whole_orders(joints) if most else ())):
@@ -238,17 +244,28 @@ class PositionReadings:
             yield from self._read(plain, np.deg2rad(ones), "positions in degrees", (), remedy)
 
     def units(self) -> Iterator[Interpretation]:
-        """Yield the positions of single joints that travel oddly in another unit."""
+        """Yield the positions of joints that travel oddly, of one or some of them at once, in another unit."""
         ways, joints = np.ptp(np.asarray(self.fit.log.q), axis=0), self.fit.model.robot.active
-        for i in np.flatnonzero(ways):
-            for factor, unit, odd in UNITS[joints[i].kind]:
-                if ways[i] > odd if factor < 1.0 else ways[i] < odd:
-                    factors = np.where(np.arange(len(joints)) == i, factor, 1.0)
-                    remedy = "state the unit of its position (log: units: {position: [...]})"
-                    plain, how = tuple(range(len(joints))), f"its position read in {unit},"
-                    name = (joints[i].name,)
-                    for found in self._read(plain, factors, "position unit", name, remedy, GAIN - 1.0, how):
-                        yield replace(found, numbers={"factor": factor})
+        odd = {
+            i: (factor, unit)
+            for i in np.flatnonzero(ways).tolist()
+            for factor, unit, limit in UNITS[joints[i].kind]
+            if (ways[i] > limit if factor < 1.0 else ways[i] < limit)
+        }
+        for size in range(1, len(odd) + 1):
+            for some in combinations(odd, size) if len(odd) <= SUBSETS or size in (1, 2, len(odd)) else ():
+                factors, plain = np.ones(len(joints)), tuple(range(len(joints)))
+                factors[list(some)] = [odd[i][0] for i in some]
+                read = "; ".join(f"{joints[i].name} in {odd[i][1]}" for i in some) if size > 1 else odd[some[0]][1]
+                how = f"its position read in {read}," if size == 1 else f"positions read anew ({read}),"
+                remedy, names = "state the unit (log: units: {position: [...]})", tuple(joints[i].name for i in some)
+                for found in self._read(plain, factors, "position unit", names, remedy, GAIN - 1.0, how):
+                    yield replace(found, numbers={f"factor {joints[i].name}": odd[i][0] for i in some})
+
+    def mirrored(self) -> ReadRows:
+        """Return the rows with all positions of the other sign."""
+        joints = len(self._names)
+        return ReadRows(self._rows(tuple(range(joints)), (-1.0,) * joints), np.eye(joints))
 
     def _read(
         self,

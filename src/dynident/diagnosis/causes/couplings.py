@@ -285,7 +285,7 @@ class CoupledRows:
             for k, drive in enumerate(np.flatnonzero(turned).tolist()):
                 if matrix[drive, i]:
                     friction[:, k] = matrix[drive, i] * self.friction(drive, matrix[drive])[mask]
-            columns = left.out_of(friction.reshape(len(friction), -1))
+            columns = left.out_of(friction.reshape(len(friction), friction.shape[1] * count))
             gram, side = np.zeros((own + columns.shape[1],) * 2), np.zeros((own + columns.shape[1], 2))
             gram[:own, :own], gram[:own, own:] = left.gram, left.bodies.T @ columns
             gram[own:, :own], gram[own:, own:] = gram[:own, own:].T, columns.T @ columns

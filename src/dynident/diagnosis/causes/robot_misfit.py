@@ -5,9 +5,9 @@ predict unseen samples no better than the shared ones; where they are another's,
 Held out as in :mod:`.held_out`. The parameters of a joint alone are drawn to the shared ones by a ridge (Hoerl and
 Kennard 1970), as few rows tell them apart.
 
-Where little torque is left in all, one joint may be predicted worse than by a constant. So is a torque that is mostly
-noise: what the model has to explain is told by a regression on the motion alone, without a robot, held out in long
-stretches, between which noise that hangs together is not interpolated.
+Where little torque is left in all, one joint may be predicted little better than by a constant, or worse. So is a
+torque that is mostly noise: what the model has to explain is told by a regression on the motion alone, without a robot,
+held out in long stretches, between which noise that hangs together is not interpolated.
 """
 
 from __future__ import annotations
@@ -33,9 +33,10 @@ LEFT, GAIN, SURE, SUSPECTED = 0.1, 1.0, 3.0, 0.25
 #: Share of what is left, root mean squares, below which known causes explain most of it: half of the variance.
 MOST = 0.7
 
-#: Share of the variance of a torque that a regression on the motion leaves at most where the torque follows the motion,
-#: and stretches of the log, each predicted by the regression of the others.
-FOLLOWS, STRETCHES = 0.5, 4
+#: Share of a torque, root mean squares, from which the model explains next to nothing of it; share of the variance that
+#: it or a constant leaves, which a regression on the motion leaves at most where the torque follows the motion, and
+#: stretches of the log, each predicted by the regression of the others.
+WORTHLESS, FOLLOWS, STRETCHES = 0.75, 0.5, 4
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def _with_cause(reading: ReadRows, blame: Blame) -> ReadRows:
 
 
 def unpredicted(fit: QuickFit, known: Sequence[Blame] = ()) -> dict[int, tuple[float, float]]:
-    """Return the joints whose torque the model predicts worse than a constant, and a regression on the motion does not.
+    """Return the joints of whose torque the model explains next to nothing, and a regression on the motion far more.
 
     Args:
         fit: The log.
@@ -138,14 +139,15 @@ def unpredicted(fit: QuickFit, known: Sequence[Blame] = ()) -> dict[int, tuple[f
     by_motion = np.hstack([ones, np.sin(q), np.cos(q), dq, np.sign(dq), np.asarray(motion.ddq)])
     plain = _regression(fit, ones)
     model, constant = (held.errors(each).sum(axis=0) for each in (reading, plain))
-    worse = np.flatnonzero(model > constant).tolist()
+    worst = np.max(model / np.maximum(constant, 1e-300))  # a joint that is not explained spoils others a little
+    worse = np.flatnonzero(model > (1.0 if worst > 1.0 else WORTHLESS**2) * constant).tolist()
     if not worse:
         return {}
     left, whole = (_by_stretches(each) for each in (_regression(fit, by_motion), plain))
     return {
         i: (float(np.sqrt(model[i] / constant[i])), float(left[i] / whole[i]))
         for i in worse
-        if left[i] < FOLLOWS * whole[i]
+        if left[i] < FOLLOWS * min(model[i] / constant[i], 1.0) * whole[i]
     }
 
 

@@ -21,6 +21,10 @@ from dynident.diagnosis.causes.torque_scales import FACTOR, PRECISION
 #: First step of the search in logarithms, and its most steps.
 STEP, STEPS = 1.0, 200
 
+#: Share of a torque below which what friction leaves of it is rounding, and difference of two correlations with the
+#: bodies below which these speak for both.
+LITTLE, ALIKE = 1e-6, 0.05
+
 
 def several_scales(fit: QuickFit) -> Interpretation | None:
     """Return the log with the torques of two joints or more in other scales; None where that does not explain it."""
@@ -102,6 +106,27 @@ def nominal_ratios(fit: QuickFit, explained: float = EXPLAINED) -> Array:
         ratio, correlation = scale_against(*left.T)
         ratios[k] = ratio if ratio > 0 and correlation**2 >= explained else np.nan
     return ratios
+
+
+def nominal_agreement(fit: QuickFit, reading: ReadRows) -> float:
+    """Return the mean correlation of torques of a reading with those of the robot model's bodies, 0 without bodies.
+
+    Friction is taken out of both. Of each joint counts the worse of two: with what is constant, and without it.
+    """
+    nominal, target, found = fit.model.nominal(), reading.target, list[float]()
+    beta = np.zeros(fit.base.count) if nominal is None else fit.base.from_standard(nominal)
+    for k in np.flatnonzero(fit.moves).tolist():
+        mask, own = reading.rows.masks[:, k], reading.rows.columns[k]
+        own, block = own[own < fit.base.count], reading.rows.blocks[k][mask][:, own < fit.base.count]
+        is_friction = fit.base.is_friction[own]
+        pair = np.column_stack([block @ np.where(is_friction, 0.0, beta[own]), target[mask, k]])
+        moving = block[:, is_friction & (np.ptp(block, axis=0) > 0.0)]
+        both = [moving, np.column_stack([moving, np.ones(len(moving))])]
+        left = [pair - each @ np.linalg.lstsq(each, pair, rcond=None)[0] for each in both]
+        told = [each for each in left if np.all(np.linalg.norm(each, axis=0) > LITTLE * np.linalg.norm(pair, axis=0))]
+        if told and pair.any(axis=0).all():
+            found.append(min(scale_against(*each.T)[1] for each in told))
+    return float(np.mean(found)) if found else 0.0
 
 
 def _starts(fit: QuickFit) -> list[Array]:

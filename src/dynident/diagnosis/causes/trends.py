@@ -191,7 +191,7 @@ class Trends:
         before = [blame.cause for blame in found]
         if not any(cause.name in CURVED for cause in before):
             return search, found
-        after, curved = about_their_bodies(self.rows, before, self._made_again)
+        after, curved = about_their_bodies(self.rows, before, self.made_again)
         numbers = {id(cause): k for k, cause in enumerate(search.causes)}
         straight = search.fit([numbers[id(cause)] for cause in before])
         gain = abs(float(self.rows.worth @ np.log(straight.variances / curved.variances)))
@@ -238,7 +238,7 @@ class Trends:
     def _figured(self) -> tuple[tuple[Blame, ...], FitErrors]:
         return figured(self._search, self._found, self._error, self._late_with_friction)
 
-    def _made_again(self, cause: Cause, beta: Array, values: Array) -> Cause:
+    def made_again(self, cause: Cause, beta: Array, values: Array) -> Cause:
         """Return a cause that acts on the motion about bodies of other base parameters, (b,), and its values, (k,)."""
         if cause.name in (*CURVED, "time scale"):
             column = self._by_motion(cause.name, cause.joint, self._motion_of(beta), float(values[0]))
@@ -251,7 +251,7 @@ class Trends:
     def _late_with_friction(self, cause: Cause, beta: Array, values: Array) -> Cause:
         """Return the same for figures: a delay of one joint moves its friction too, as a fit with it alone has that."""
         if cause.name != DELAY:
-            return self._made_again(cause, beta, values)
+            return self.made_again(cause, beta, values)
         alone = CauseSearch(self.rows, [cause]).fit([0]).beta[: self.rows.size]
         motion = self._motion_of(beta, alone)
         return self._filtered([self._by_motion(DELAY, cause.joint, motion, float(values[0]))])[0]

@@ -8,7 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.diagnosis.causes.against_bodies import AgainstBodies
+from dynident.case.evidence.torques import OFF
+from dynident.diagnosis.causes.against_bodies import OF_ALL, AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import KnownBodies, NominalBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.position_spectrum import RIPPLE
@@ -25,6 +26,7 @@ from dynident.diagnosis.causes.trend_findings import (
 )
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends
 from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.checks.torque_scale import ALIKE, OF_UNIT, UNIT, other_unit
 from dynident.diagnosis.finding import Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
@@ -67,7 +69,10 @@ def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: st
         for one in trends.blames
         if one.cause.name in FREE and (one.cause.name != SCALE or believed(one, subject.trend_scale) is not None)
     }
-    frames, blames = standing(trends, against.search.blames())
+    every = against.blames
+    if unit := [each for blame in every for each in _unit(blame, against)]:
+        return unit
+    frames, blames = standing(trends, every)
     left_out = FREE_ALONE + (FREE_OF_MODELS if isinstance(known, NominalBodies) else ())
     return frames + [
         _finding(each, None if each is blame else blame, against, words)
@@ -98,6 +103,25 @@ def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: 
     beside = f"{better.cause.name}{f' ({better.cause.joint})' * bool(better.cause.joint)}"
     evidence = f"{words}not distinguishable from {beside}: {found.evidence}"
     return replace(found, severity="note", evidence=evidence, beside=beside)
+
+
+def _unit(blame: Blame, against: AgainstBodies) -> list[Finding]:
+    """Return that all torques are in another unit, where the robot model's bodies are right in another size alone.
+
+    The joints need not ask for one factor: a load at the flange, or another cause, may have been found beside it.
+    """
+    if (blame.cause.name, blame.cause.joint) != OF_ALL or not blame.values[0] > -1.0:
+        return []
+    ratio, times = 1.0 + float(blame.values[0]), abs(float(np.log1p(blame.values[0])))
+    far = times - float(blame.half_widths[0]) / ratio > np.log(OFF)
+    if not far or not against.errors_of_bodies < ALIKE - 1.0:
+        return []
+    evidence = (
+        f"beside what else differs, a load at the flange for one, the torques are {ratio:.3g} (+- "
+        f"{float(blame.half_widths[0]):.2g}) times those of the robot model's masses (t = {blame.certainty:.0f})"
+    )
+    fit = against.fit
+    return [Finding("error", UNIT, "", evidence, other_unit(fit, ratio), {"ratio": ratio}, OF_UNIT)]
 
 
 def _load(blame: Blame, against: AgainstBodies) -> Finding:

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from dynident.arrays import BoolArray
 from dynident.case.evidence.positions import (
     LARGEST_SLIDE,
     LARGEST_TURN,
@@ -184,12 +185,42 @@ def _counts_turns(subject: CheckedLog) -> bool:
     return bool(np.all(np.ptp(turning, axis=0) <= 2 * np.pi) and np.ptp(turning, axis=0).max() > np.deg2rad(MOVES))
 
 
+def _finer(subject: CheckedLog, rests: BoolArray) -> dict[str, tuple[float, str, float]]:
+    """Return joints whose positions may be in rad or m and are declared as degrees or millimetres.
+
+    Args:
+        subject: The log.
+        rests: Joints that hardly move as declared, but by more than noise, shape (n,).
+
+    Returns:
+        Travel, unit and factor of each, by its name: it keeps the limits and moves as joints usually do.
+    """
+    columns, q, found = subject.raw.columns, subject.sound.log.q, dict[str, tuple[float, str, float]]()
+    words = dict(zip(columns.joints, columns.units.of("position", len(columns.joints)), strict=True))
+    for k in np.flatnonzero(rests).tolist():
+        joint, word = subject.case.robot.active[k], counted_unit(words.get(subject.case.robot.joint_names[k], "SI"))[1]
+        factor, unit, least = (
+            (180.0 / np.pi, "rad", LITTLE_TURN) if joint.kind == "revolute" else (1e3, "m", LITTLE_SLIDE)
+        )
+        low, high = (factor * float(end) for end in (q[:, k].min(), q[:, k].max()))
+        if word == {"rad": "deg", "m": "mm"}[unit] and high - low > least and is_plausible(joint, low, high):
+            found[joint.name] = (high - low, unit, factor)
+    return found
+
+
 def _still(subject: CheckedLog) -> list[Finding]:
     log, robot = subject.sound.log, subject.case.robot
     ways = travel(log.q)
     noise = WHITE * np.std(np.diff(log.q, axis=0), axis=0) if len(log.q) > 1 else np.zeros(len(ways))
     rests = (ways < STILL) | ((ways < NOISY) & (ways < noise))
-    still = [name for name, rest in zip(robot.joint_names, rests, strict=True) if rest]
+    finer = _finer(subject, rests & (ways > noise))
+    still = [name for name, rest in zip(robot.joint_names, rests, strict=True) if rest and name not in finer]
+    if finer:
+        read = ", ".join(f"{name} {way:.3g} {unit}" for name, (way, unit, _) in finer.items())
+        evidence = f"as declared these joints hardly move; read in SI units they travel {read}, within their limits"
+        numbers = {f"factor {name}": factor for name, (*_, factor) in finer.items()}
+        remedy = "state the unit in the case file (log: units: {position: [...]})"
+        return [Finding("error", "position unit", listed([*finer]), evidence, remedy, numbers, ("standstill",))]
     if still:
         evidence = f"it travels at most {ways[rests].max():.2g} rad (or m) over the whole log"
         if np.any(ways[rests] >= STILL):

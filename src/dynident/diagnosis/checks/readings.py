@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
+from dynident.case.evidence.torques import EXPLAINED
 from dynident.diagnosis.causes.column_readings import (
     FED,
     FEEDS,
@@ -26,8 +27,9 @@ from dynident.diagnosis.causes.couplings import best_coupling
 from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, degrees_off
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, robot_misfit, unpredicted
-from dynident.diagnosis.causes.several_scales import inverted_gains, several_scales
+from dynident.diagnosis.causes.robot_misfit import LEFT, WORTHLESS, RobotMisfit, robot_misfit, unpredicted
+from dynident.diagnosis.causes.several_scales import ALIKE, inverted_gains, nominal_agreement, several_scales
+from dynident.diagnosis.causes.signs_of_all import READING_CONSEQUENCES, driven_joints
 from dynident.diagnosis.causes.torque_scales import other_scales, reading_of
 from dynident.diagnosis.causes.trend_findings import believed, is_grave, is_narrow
 from dynident.diagnosis.causes.trends import Trends
@@ -35,9 +37,6 @@ from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, UNEXPLAINED, Finding, Severity, listed
 from dynident.model.robot import Robot
-
-#: What a wrong reading of torques makes wrong besides: gravity against the masses of the robot model.
-READING_CONSEQUENCES = (*CONSEQUENCES, "mounting")
 
 #: Relative residuals above which a joint is not explained: of any log, and of one that would be another robot's.
 POOR, POOR_OF_ANOTHER = 0.25, 0.1
@@ -48,8 +47,10 @@ FRAMES_TURNED, FRAMES_MOVED = 5.0, 0.05
 #: Largest entry of a coupling between two joints that turn: a larger one stands for a scale.
 MOST_COUPLED = 5.0
 
-#: Readings that are told beside the best one at most, where the log does not tell them apart.
+#: Readings that are told beside the best one at most, where the log does not tell them apart; those that may turn all
+#: of an arm, the likeliest first, and share of the largest gain from which another of these explains the log as well.
 RIVALS = 2
+WHOLE, AS_WELL = ("mounting", "axis sign", "position sign"), 0.9
 
 
 @dataclass(frozen=True)
@@ -65,11 +66,11 @@ class Readings(Check):
         unlike = "" if subject.earlier is None else frames_off(subject.earlier.model.robot, subject.case.robot)
         if unlike:
             return [_another_model(unlike)]
+        positions = PositionReadings(fit, torques_of_columns(subject.case))
         share, z = fit.friction_power(fit.plain)
         feeds = feeding(share, z)
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
-            return [_all_signs(subject, share, z, fit)]
-        positions = PositionReadings(fit, torques_of_columns(subject.case))
+            return [driven_joints(positions, share, z)]
         found = _confirmed(positions, _candidates(positions, feeds), everywhere=False)
         scale = subject.sure_scale
         if found and scale and scale.gain > found[0][1].gain:
@@ -175,18 +176,18 @@ def _another_robot(misfit: RobotMisfit, fit: QuickFit, severity: Severity) -> Fi
 
 
 def _not_explained(subject: CheckedLog, misfit: RobotMisfit) -> list[Finding]:
-    """Return what is said of joints that the model predicts worse than a constant, beside causes with a sure figure."""
+    """Return what is said of joints of whose torque next to nothing is explained, beside causes with a sure figure."""
     trends = subject.trends
-    if trends is None or not (misfit.joints > 1.0).any():
+    if trends is None or not (misfit.joints > WORTHLESS).any():
         return []
     causes = [one for one in trends.blames if believed(one, subject.trend_scale) and is_narrow(one)]
     joints, names = unpredicted(trends.fit, causes), trends.fit.model.robot.joint_names
     if not joints:
         return []
-    told = [f"{names[i]} ({times:.4g} times its error; motion {1.0 - left:.0%})" for i, (times, left) in joints.items()]
+    told = [f"{names[i]} ({times:.0%} left, {np.sqrt(left):.0%} by the motion)" for i, (times, left) in joints.items()]
     evidence = (
-        "on samples that were not fitted the model predicts the torque worse than a constant does, though the motion "
-        f"alone explains most of its variance: {', '.join(told)}"
+        "on samples that were not fitted the model explains next to nothing of the torque's variation, a regression on "
+        f"the motion alone far more: {', '.join(told)}"
     )
     remedy = (
         "look at axes and origins of these joints and their neighbours in the robot model, at order, signs and units "
@@ -199,6 +200,9 @@ def _not_explained(subject: CheckedLog, misfit: RobotMisfit) -> list[Finding]:
 
 def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[float, Interpretation]]:
     """Return the candidate that cross-validation favours, with its gain, and those that the log does not tell from it.
+
+    One that the robot model's bodies contradict is left out. They judge signs of all joints and gravity as well, which
+    a symmetrical arm does not tell apart.
 
     The logarithm of the independent rows is taken off for each unknown that was found beside the parameters (Schwarz
     1978).
@@ -213,11 +217,23 @@ def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[f
     gains = [errors.gain(own) - penalty for own, penalty in zip(measured, penalties, strict=True)]
     best = int(np.argmax(gains))
     rivals = []
-    for k in np.argsort(gains)[::-1]:
+    for k in np.argsort(gains)[::-1].tolist():
         gain, spread = errors.difference(measured[best], measured[k])
-        if k != best and gain - penalties[best] + penalties[k] < spread:
+        as_well = _is_whole(fit, proposed[best]) and _is_whole(fit, proposed[k]) and gains[k] > AS_WELL * gains[best]
+        if k != best and (as_well or gain - penalties[best] + penalties[k] <= spread):
             rivals.append(k)
-    return [(gains[k], proposed[k]) for k in [best, *rivals[:RIVALS]]] if gains[best] > 0 else []
+    told = [best, *rivals[:RIVALS]] if gains[best] > 0 else []
+    if rivals:  # the robot model's bodies speak for one of them, or against it
+        bodies = {k: nominal_agreement(fit, proposed[k].reading) for k in told}
+        least = max(bodies.values(), default=0.0) - (ALIKE if _is_whole(fit, proposed[best]) else EXPLAINED)
+        told = [k for k in told if bodies[k] > least]
+        told = sorted(told, key=lambda k: WHOLE.index(proposed[k].name)) if _is_whole(fit, proposed[best]) else told
+    return [(gains[k], proposed[k]) for k in told]
+
+
+def _is_whole(fit: QuickFit, reading: Interpretation) -> bool:
+    """Return whether a reading turns all of an arm: gravity does what signs do on a symmetrical one."""
+    return reading.name in WHOLE and len(reading.joints) in (0, fit.model.robot.dof)
 
 
 def _confirmed(
@@ -246,15 +262,6 @@ def _best_reading(learned: QuickFit, everywhere: bool, made: Array | None) -> Re
     feeds = feeding(*learned.friction_power(learned.plain))
     found = list(_candidates(PositionReadings(learned, made), feeds, everywhere))
     return max(found, key=lambda each: each.gain).reading if found else None
-
-
-def _all_signs(subject: CheckedLog, share: Array, z: Array, fit: QuickFit) -> Finding:
-    evidence = f"friction drives every joint instead of braking it (z-scores {z.min():.0f} to {z.max():.0f})"
-    remedy = "all torques have the wrong sign: negate their columns, or the gains (drives: {JOINT: {gain: ...}})"
-    joints = listed(fit.model.robot.joint_names)
-    return Finding(
-        "error", "torque sign", joints, evidence, remedy, {"share": float(share.min())}, READING_CONSEQUENCES
-    )
 
 
 def _candidates(positions: PositionReadings, feeds: BoolArray, everywhere: bool = False) -> Iterator[Interpretation]:

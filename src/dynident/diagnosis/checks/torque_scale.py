@@ -15,6 +15,7 @@ from dynident.diagnosis.causes.column_readings import GAIN, variance_falls
 from dynident.diagnosis.causes.known_bodies import KnownBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.several_scales import nominal_ratios
+from dynident.diagnosis.causes.signs_of_all import opposite_torques
 from dynident.diagnosis.causes.torque_scales import JointScale, mixing_of, other_scales
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
@@ -25,18 +26,19 @@ from dynident.model.friction import Motion
 #: certain: no robot model is off by as much.
 FAR_OFF, SURE = 20.0, 0.9
 
-#: Units of torques, how a case states them, and their size in N m; factor within which the masses ask for one.
-TORQUES = (
-    ("N mm", "mN m", 1e-3),
-    ("N cm", "0.01 N m", 1e-2),
-    ("kgf cm", "0.0980665 N m", 0.0980665),
-    ("lbf in", "0.112985 N m", 0.112985),
-    ("kgf m", "9.80665 N m", 9.80665),
-)
+#: Units of torques and their size in N m; factor within which the masses ask for one.
+TORQUES = (("N mm", 1e-3), ("N cm", 1e-2), ("kgf cm", 0.0980665), ("lbf in", 0.112985), ("kgf m", 9.80665))
 NEAR = 1.6
+
+#: Name of the finding of torques in another unit, and what follows from it.
+UNIT = "torque unit"
+OF_UNIT = tuple(name for name in CONSEQUENCES if name != UNIT)
 
 #: Factor within which the joints ask for one scale: a wrong unit leaves 1.01, one body ten times too heavy 1.5.
 ALIKE = 1.3
+
+#: Times by which a load that is not known, of the arm's own weight at its end, makes torques larger: thrice.
+LOADED = 3.0
 
 #: Ratio of the largest factor against these masses to the smallest from which the drives have factors of their own.
 APART = 1.5
@@ -155,21 +157,19 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies |
     Those of an earlier estimate go before the masses of the robot model, which may have none.
     """
     mixing = mixing_of(fit, found[0]) if found else None
-    if known is not None and (told := _other_unit(*against_known(fit, known, mixing), "the earlier estimate")):
-        return told
+    if known is not None:
+        ratio, alike = against_known(fit, known, mixing)
+        if told := _other_unit(ratio, alike, "the earlier estimate", other_unit(fit, ratio)):
+            return told
     theta = fit.model.nominal()
     if theta is None:
         return []
     ratio, alike = against_nominal(fit, theta, mixing)
-    if alike < 0 and alike**2 >= EXPLAINED:
-        gravity = ", ".join(f"{value + 0.0:.3g}" for value in -np.asarray(fit.model.robot.gravity))
-        evidence = (
-            f"the robot model's masses give the opposite torque under the stated gravity (correlation {alike:.3f})"
-        )
-        remedy = f"mounted upside down? state it (gravity: [{gravity}] in the frame of the base)"
-        return [Finding("error", "mounting", "", evidence, remedy, {"correlation": alike}, CONSEQUENCES)]
+    if told := opposite_torques(fit):
+        return told
     ratios = nominal_ratios(fit, SURE**2)
-    return _other_units(fit, ratios) or _other_unit(ratio, alike, "the robot model", _are_alike(fit, ratios))
+    other = other_unit(fit, ratio)
+    return _other_units(fit, ratios) or _other_unit(ratio, alike, "the robot model", other, _are_alike(fit, ratios))
 
 
 def _other_units(fit: QuickFit, ratios: Array) -> list[Finding]:
@@ -232,26 +232,40 @@ def _lifted(fit: QuickFit) -> list[Finding]:
 
 
 def _are_alike(fit: QuickFit, ratios: Array) -> bool:
-    """Return whether most joints ask for one factor: one wrong body, or masses that are guessed, ask for several."""
+    """Return whether most joints ask for one factor: one wrong body, or masses that are guessed, ask for several.
+
+    A load that is not known, of up to the arm's own weight, makes torques larger, and may do so at all joints alike.
+    """
     logs = np.log(ratios[np.isfinite(ratios)])
-    return len(logs) >= max(3, fit.moves.sum() / 2) and bool(np.ptp(logs) < np.log(ALIKE))
+    if len(logs) < max(3, fit.moves.sum() / 2) or not np.ptp(logs) < np.log(ALIKE):
+        return False
+    return not 0.0 < float(np.median(logs)) < np.log(LOADED * OFF)
 
 
-def _other_unit(ratio: float, alike: float, whose: str, are_alike: bool = False) -> list[Finding]:
+def other_unit(fit: QuickFit, ratio: float) -> str:
+    """Return what to do about torques that are so many times those of known bodies."""
+    kinds = {joint.kind for joint in fit.model.robot.active}
+    word = "SI" if len(kinds) > 1 else "N" if kinds == {"prismatic"} else "N m"
+    near = [
+        f"{name}, log: units: {{torque: {'mN m' if (size, word) == (1e-3, 'N m') else f'{size:g} {word}'}}}"
+        for name, size in TORQUES
+        if 1 / NEAR < size * ratio < NEAR
+    ]
+    return (
+        f"another unit ({' or '.join(near) or 'log: units'}), torques of the other side of the gears (log: side), or "
+        "currents or percent read as torques? name them so (log: columns: current and drives: gain)"
+    )
+
+
+def _other_unit(ratio: float, alike: float, whose: str, remedy: str, are_alike: bool = False) -> list[Finding]:
     """Return that torques are in another unit than those of known bodies, where their ratio and correlation say so."""
     if alike < 0 or alike**2 < EXPLAINED or agrees(ratio):
         return []
     evidence = f"{whose} predicts {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"
-    near = [f"{name}, log: units: {{torque: {unit}}}" for name, unit, size in TORQUES if 1 / NEAR < size * ratio < NEAR]
-    remedy = (
-        f"another unit ({' or '.join(near) or 'log: units'}), torques of the other side of the gears (log: side), or "
-        "currents or percent read as torques? name them so (log: columns: current and drives: gain)"
-    )
     numbers = {"ratio": ratio, "correlation": alike}
     if alike > SURE and (are_alike or not 1 / FAR_OFF < ratio < FAR_OFF):
-        explains = tuple(name for name in CONSEQUENCES if name != "torque unit")
-        return [Finding("error", "torque unit", "", evidence, remedy, numbers, explains)]
-    return [Finding("warning", "torque unit", "", evidence, remedy, numbers)]
+        return [Finding("error", UNIT, "", evidence, remedy, numbers, OF_UNIT)]
+    return [Finding("warning", UNIT, "", evidence, remedy, numbers)]
 
 
 def against_known(fit: QuickFit, known: KnownBodies, mixing: Array | None) -> tuple[float, float]:
