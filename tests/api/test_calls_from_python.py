@@ -162,6 +162,10 @@ WRONG: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
         lambda log: log | {"q": np.rad2deg(log["q"])},
         r"whose limit is .* rad; if it is in degrees write q = np\.deg2rad",
     ),
+    (
+        lambda log: log | {"q": log["q"] + [0.0, -4 * np.pi]},
+        r"they are 2 turns off, as np\.unwrap may leave them: write q\[\.\.\., 1\] \+= 4 \* np\.pi; if it is in deg",
+    ),
     (lambda log: log | {"q": np.where(log["time"][:, None] > 3, np.nan, log["q"])}, "not finite, first in row 601; "),
     (lambda log: log | {"q": np.ma.masked_greater(log["q"], 0.5)}, r"masked, first in row \d+; keep .*np\.ma\.filled"),
     (lambda log: log | {"q": [*log["q"].tolist()[:-1], [1.0]]}, "q: list that is no array of numbers; give rows"),

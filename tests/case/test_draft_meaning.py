@@ -277,3 +277,25 @@ def test_a_base_that_moves_is_named(tmp_path: Path, reach: float, moves: bool) -
     )
     turned = drafted(tmp_path, named_base, numbered(motion) | {"base_yaw": motion["q"][:, 0]})
     assert not any("base at rest" in remark for remark in turned.remarks)
+
+
+@pytest.mark.parametrize("is_signed", [False, True])
+def test_currents_without_a_sign_leave_a_case_of_servos(tmp_path: Path, is_signed: bool) -> None:
+    """As hobby servos log them: they tell no torque, while commands and positions tell the actuators."""
+    robot, motion = six()
+    goals = motion["q"] + 0.3 * np.sin(5.0 * motion["time"])[:, None]
+    currents = np.round(50.0 * motion["torque"] / np.abs(motion["torque"]).max(axis=0))
+    columns = named(
+        {**motion, "goal": goals, "current": currents if is_signed else np.abs(currents)},
+        "timestamp",
+        {
+            signal: [f"{name}.{word}" for name in robot.joint_names]
+            for signal, word in (("q", "Present_Position"), ("goal", "Goal_Position"), ("current", "Present_Current"))
+        },
+    )
+    found = drafted(tmp_path, robot, columns)
+    if is_signed:
+        assert found.recognition.effort == "current" and "becomes a case of servos" in found.text
+        return
+    assert "servo:" in found.text and not found.recognition.effort
+    assert "Present_Current, ... (6 in all): currents without a sign, 0 to 50 while" in found.remarks[0]

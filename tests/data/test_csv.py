@@ -33,7 +33,7 @@ ROWS = 12
 
 
 #: The remedy for a column that is not there.
-MAPPED = "map it with columns: in the case file, which 'dynident init ROBOT LOG' drafts"
+MAPPED = "map it with columns: in the case file, which 'dynident init ROBOT LOG' drafts (in Python dynident.init)"
 
 
 THOUSANDS = "write numbers without signs between the thousands (in Excel: format General)"

@@ -19,6 +19,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from dynident.case.case import read_case
+from dynident.case.case_draft import draft_case
 from dynident.data.formats import ColumnMap, read_header, read_log, stream_log
 from dynident.data.formats._mcap_salvage import MAGIC
 from dynident.data.formats.rosbag import Rosbag
@@ -547,3 +548,18 @@ def test_states_with_signals_by_name_are_read_as_states_of_joints(tmp_path: Path
     path = mcap(tmp_path, [*messages, *(states() if beside else ())])
     check(read_log(path, COLUMNS))
     assert ("head.position" in read_header(path)) != beside
+
+
+@pytest.mark.parametrize("arms", [1, 2])
+def test_a_draft_reads_the_topic_with_joints_of_the_robot(tmp_path: Path, arms: int) -> None:
+    """A gripper beside the arm has a topic of its own, whose joints the robot model lacks."""
+    (tmp_path / "arm.urdf").write_text(URDF)
+    grip = [("/gripper/joint_states", at, state(at, ["finger"], [0.1], [0.0], [1.0])) for _, at, _ in states()]
+    path = mcap(tmp_path, [*states("/robot/joint_states"), *(grip if arms == 1 else states("/other"))])
+    if arms == 2:
+        with pytest.raises(LogFormatError, match="2 topics with states of joints; name topics"):
+            draft_case(str(tmp_path / "arm.urdf"), str(path), tmp_path)
+        return
+    draft = draft_case(str(tmp_path / "arm.urdf"), str(path), tmp_path)
+    assert "format: {rosbag: {topics: [/robot/joint_states]}}" in draft.text
+    assert draft.recognition.joints.names == ("shoulder", "elbow")

@@ -11,6 +11,7 @@ from dynident.arrays import Array
 from dynident.errors import BadArgument
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
+from dynident.model.joint import Joint
 from dynident.model.robot import Robot
 
 
@@ -34,11 +35,11 @@ def motion_of_arrays(
         BadArgument: A shape that does not fit, a value that is not finite, or positions in degrees.
     """
     rows = rows_of(robot, "q", q)
-    for joint, column in zip(robot.active, rows.T, strict=True):
+    for place, (joint, column) in enumerate(zip(robot.active, rows.T, strict=True)):
         widest, reach = max(abs(joint.limits.lower), abs(joint.limits.upper)), float(np.abs(column).max(initial=0.0))
         if joint.kind == "revolute" and np.isfinite(widest) and reach > max(3.0 * widest, 2.0 * np.pi):
             evidence = f"up to {reach:.4g} at {joint.name}, whose limit is {widest:.4g} rad"
-            raise BadArgument("q", evidence, "if it is in degrees write q = np.deg2rad(q)")
+            raise BadArgument("q", evidence, _other_unit(joint, place, column))
     given = {"dq": dq, "ddq": ddq, "temperature": temperature}
     others = {name: None if values is None else rows_of(robot, name, values) for name, values in given.items()}
     for name, values in others.items():
@@ -48,6 +49,18 @@ def motion_of_arrays(
     still = np.zeros_like(rows)
     speed, rate = (still if others[name] is None else others[name] for name in ("dq", "ddq"))
     return Motion(rows, speed, rate, temperature=others["temperature"]), np.ndim(q) == 1  # type: ignore[arg-type]
+
+
+def _other_unit(joint: Joint, place: int, column: Array) -> str:
+    """Return what to do about positions (N,) of a joint far beyond its limits: whole turns too many, or degrees."""
+    degrees, limits = "if it is in degrees write q = np.deg2rad(q)", joint.limits
+    turns = round(0.5 * float(column.min() + column.max() - limits.lower - limits.upper) / (2.0 * np.pi))
+    least, most = column.min() - 2.0 * np.pi * turns, column.max() - 2.0 * np.pi * turns
+    if not turns or least < limits.lower or most > limits.upper:
+        return degrees
+    many = "one turn" if abs(turns) == 1 else f"{abs(turns)} turns"
+    step = f"q[..., {place}] {'-+'[turns < 0]}= {2 * abs(turns)} * np.pi"
+    return f"they are {many} off, as np.unwrap may leave them: write {step}; {degrees}"
 
 
 def rows_of(robot: Robot, name: str, values: npt.ArrayLike) -> Array:

@@ -17,7 +17,7 @@ from dynident.arrays import Array
 from dynident.case.case_values import model_place
 from dynident.case.draft.case_text import Files, case_text
 from dynident.case.draft.column_groups import split_time
-from dynident.case.draft.command_topics import command_topics, recording
+from dynident.case.draft.command_topics import command_topics, recording, topic_of_joints
 from dynident.case.draft.joint_choice import outside_limits
 from dynident.case.draft.long_table import refuse_long
 from dynident.case.draft.moving_base import moving_base
@@ -115,7 +115,7 @@ def draft_case(
         raise BadOption("LOG", "", "name at least one log")
     if profile:
         PROFILES.get(profile)
-    tables, written = _tables((*train, *test), form, dict(form_options or {}))
+    tables, written = _tables((*train, *test), form, dict(form_options or {}), described.joint_names)
     if rate_hz is not None:
         if profile or not 0 < rate_hz < np.inf:
             step = (
@@ -182,7 +182,9 @@ def _word(certain: bool, likely: object) -> str:
     return "certain" if certain else "likely, asked" if likely else "asked"
 
 
-def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> tuple[list[LogTable], str]:
+def _tables(
+    logs: Sequence[str], form: str, options: dict[str, str | None], joints: Sequence[str]
+) -> tuple[list[LogTable], str]:
     """Return the opened logs, and the line of the case file that says how, where the suffix does not."""
     if form:
         made = FORMATS.make_from_text(form, options)
@@ -193,6 +195,9 @@ def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> t
     if topics:
         found = [recording(log, topics) for log in logs]
         return [table for table, _ in found], found[0][1]
+    if topics := topic_of_joints(logs[0], joints):
+        tables = [opened(log, FORMATS.make("rosbag", {"topics": topics})) for log in logs]
+        return tables, f"format: {{rosbag: {{topics: [{topics[0]}]}}}}   # the topic with joints of the robot"
     refuse_long(logs[0])
     try:
         tables = [opened(log) for log in logs]
@@ -292,8 +297,9 @@ def _unread(tables: Sequence[LogTable]) -> list[str]:
 def _remarks(found: Recognised) -> list[str]:
     noted = [pair for reading in found.readings for pair in zip(reading.notes, reading.remedies, strict=True)]
     remarks = [f"{note}: {step}" for note, step in dict.fromkeys(noted)]
-    if found.empty:
-        remarks.append(f"{few(found.empty, 4)}: no numbers in these columns (all or nearly all are nan): not read")
+    for why in dict.fromkeys(found.unread.values()):
+        names = [name for name, own in found.unread.items() if own == why]
+        remarks.append(f"{few(names, 4)}: {why}: not read")
     for reading in found.readings:
         gap = long_gap(reading.time * found.to_seconds)
         if gap:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +21,9 @@ _ARRAY, _CONTROLLER = "MultiArray", "JointTrajectoryControllerState"
 
 #: Rows that are looked at for torques.
 _ROWS = 1 << 10
+
+#: Topics with states of joints that are looked at.
+_MOST = 20
 
 #: A column of commands by place, and its topic.
 _PLACE = re.compile(r"(.+):data\[(\d+)\]")
@@ -52,6 +56,21 @@ def command_topics(path: str | Path) -> tuple[str, ...]:
     if commands or len(controllers) == 1:
         return () if commands else tuple(controllers)
     return (states[0], trajectories[0]) if len(trajectories) == len(states) == 1 else ()
+
+
+def topic_of_joints(path: str | Path, joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the topic that alone of several with states of joints has joints of the robot; none where it is not one.
+
+    Raises:
+        FileError: It cannot be read.
+        LogFormatError: It is no sound recording.
+    """
+    if not FORMATS.get("rosbag").takes(path):
+        return ()
+    states = [topic for topic, kind in bag_source(path, "", False).topics().items() if kind == STATE]
+    headers = {topic: FORMATS.make("rosbag", {"topics": (topic,)}).open(path).header for topic in states[:_MOST]}
+    own = [topic for topic, names in headers.items() if {f"{joint}.position" for joint in joints} & set(names)]
+    return tuple(own) if len(own) == 1 < len(states) <= _MOST else ()
 
 
 def recording(path: str | Path, topics: tuple[str, ...]) -> tuple[LogTable, str]:

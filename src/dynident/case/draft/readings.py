@@ -23,6 +23,9 @@ MOST_ROWS = 1 << 20
 #: The cut-off is this many times the band of the motion; see docs/which-filter.md.
 CUTOFF_FACTOR = 10.0
 
+#: Why columns are left out that are not finite.
+NO_NUMBERS = "no numbers in these columns (all or nearly all are nan)"
+
 #: Limits of the cut-off: in Hz, and as a share of the sampling rate.
 LEAST_CUTOFF, LARGEST_SHARE = 2.0, 0.2
 

@@ -12,9 +12,9 @@ from dynident.case.draft.column_groups import groups_of_robot, single_temperatur
 from dynident.case.draft.command_pairs import by_commands
 from dynident.case.draft.joint_choice import JointChoice, choose_joints, lacking
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
-from dynident.case.draft.readings import LogReading, band, cutoff_from, longest_part, read_rows
+from dynident.case.draft.readings import NO_NUMBERS, LogReading, band, cutoff_from, longest_part, read_rows
 from dynident.case.draft.recognition import Recognised, SignalSource
-from dynident.case.draft.servo_text import has_counts, is_servo_log
+from dynident.case.draft.servo_text import has_counts, is_servo_log, without_sign
 from dynident.case.draft.signal_choice import choose_signals
 from dynident.case.draft.signal_units import (
     HEADER,
@@ -57,23 +57,25 @@ _SPAN = 5.0
 NEAR = 1.15
 
 
-def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "", empty: Sequence[str] = ()) -> Recognised:
+def recognised(
+    robot: Robot, tables: Sequence[LogTable], profile: str = "", unread: Mapping[str, str] | None = None
+) -> Recognised:
     """Return what is recognised in the logs of a robot.
 
     Args:
         robot: With all its joints.
         tables: The opened logs; the first one says what the columns are.
         profile: Name of a profile that is to be taken; empty for the one that fits.
-        empty: Columns to leave out, as they have next to no numbers.
+        unread: Columns to leave out, and why.
 
     Raises:
         LogFormatError: A log lacks a column of the first, or a cell is no number.
     """
-    given, clock = tables, tables[0].made[0] if isinstance(tables[0], MadeTable) else ""
-    header = tuple(name for name in tables[0].header if name != clock and name not in empty)
+    given, unread, clock = tables, unread or {}, tables[0].made[0] if isinstance(tables[0], MadeTable) else ""
+    header = tuple(name for name in tables[0].header if name != clock and name not in unread)
     fits = [] if clock else fitting_profiles(header, robot.joint_names)  # a profile knows its column of the time
     fits = [fit for fit in fits if not profile or fit.name == profile]
-    found = Recognised(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits), empty=tuple(empty))
+    found = Recognised(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits), unread=unread)
     found = _by_profile(found, fits) if fits else _by_names(found, tables[0])
     if not fits and not {"q_ref", "torque", "current"} & (found.sources.keys() | found.rivals.keys()):
         found = by_commands(found)
@@ -89,7 +91,9 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "", empt
     except NoNumbers as error:
         if not error.columns or profile or error.path != tables[0].path or found.time in error.columns:
             raise
-        return recognised(robot, given, empty=(*empty, *error.columns))
+        return recognised(robot, given, profile, {**unread, **dict.fromkeys(error.columns, NO_NUMBERS)})
+    if not profile and (why := without_sign(found.sources, readings[0])):
+        return recognised(robot, given, profile, {**unread, **dict.fromkeys(found.sources["current"].columns, why)})
     return with_held(_with_temperature(_by_values(replace(found, readings=readings)), tables), tables)
 
 
@@ -344,7 +348,9 @@ def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
         apart = np.any(strays(first.signals["q"], first.signals["q_ref"]))
         is_servo = is_servo_log(found) and (has_counts(found) or _is_alike(first.signals["q"], first.signals["q_ref"]))
         if apart and not is_servo:
-            left_out["q_ref"] = f"{sources.pop('q_ref').shown()} stray from the measured positions"
+            told = "; where they command servos, a log without the currents becomes a case of servos"
+            told = f"stray from the measured positions{told * ('current' in sources)}"
+            left_out["q_ref"] = f"{sources.pop('q_ref').shown()} {told}"
             sources.pop("dq_ref", None)
     if "dq_ref" in sources and ("q_ref" not in sources or "velocity" not in units):
         sources.pop("dq_ref")

@@ -74,7 +74,7 @@ class Recognised:
         grippers: Joints that jump between a few positions, or have no torque to speak of and move next to no mass: the
             middle of their positions in rad or m, and why they are not read.
         left_out: Signals whose columns were found and are not read, and why.
-        empty: Columns of a signal that are not finite in nearly any row.
+        unread: Columns that look like those of a signal and are left out, and why.
         temperature: The temperatures of the drives; None where none are read.
         without_effort: Joints with positions and, unlike others, neither torques nor currents: the column and, once it
             is read, the middle of the positions in rad or m.
@@ -105,7 +105,7 @@ class Recognised:
     still: Mapping[str, float] = field(default_factory=dict)
     grippers: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
-    empty: tuple[str, ...] = ()
+    unread: Mapping[str, str] = field(default_factory=dict)
     temperature: SignalSource | None = None
     without_effort: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     likely_effort: str = ""

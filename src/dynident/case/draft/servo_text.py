@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +11,16 @@ import numpy as np
 from dynident.actuators.drive_law import COUNTS, PRESETS
 from dynident.actuators.lerobot_calibration import GRIPPER, SHARES
 from dynident.case.draft.column_words import ENABLED, KIND, OTHER, SHARE_WORDS, SIGNAL, tokens_of
-from dynident.case.draft.recognition import Recognised
+from dynident.case.draft.readings import LogReading
+from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.yaml_words import asked, few, offered, quoted
+from dynident.case.evidence.positions import strays
 
 #: A turn in degrees.
 _TURN = 360.0
+
+#: Least share of the rows in which a joint that moves both ways goes either way.
+_BOTH_WAYS = 0.1
 
 #: A position gain in the name of a log; the letter alone stands as a word (ep0 is an episode).
 _GAIN = re.compile(r"(kp|gain|(?<![a-zA-Z])[pP])[_-]?(?=\d)")
@@ -25,6 +30,21 @@ def is_servo_log(found: Recognised) -> bool:
     """Return whether the logs have commanded and measured positions and nothing that may be a torque or a current."""
     efforts = {"torque", "current"}
     return {"q", "q_ref"} <= found.sources.keys() and not efforts & (found.sources.keys() | found.rivals.keys())
+
+
+def without_sign(sources: Mapping[str, SignalSource], reading: LogReading) -> str:
+    """Return why the currents of servos tell no torques, which have none below zero; empty where they may.
+
+    Their joints move both ways, and stray from what they are told.
+    """
+    q, q_ref, current = (reading.signals.get(key, np.empty((0, 0))) for key in ("q", "q_ref", "current"))
+    if "torque" in sources or not current.size or not q.shape == q_ref.shape == current.shape or current.min() < 0:
+        return ""
+    steps = np.diff(q, axis=0)
+    turns = np.minimum(np.mean(steps > 0, axis=0), np.mean(steps < 0, axis=0)) > _BOTH_WAYS
+    if not np.any(turns) or not np.all(np.ptp(current[:, turns], axis=0)) or not np.any(strays(q, q_ref)):
+        return ""
+    return f"currents without a sign, {current.min():g} to {current.max():g} while the joints move both ways"
 
 
 def has_counts(found: Recognised) -> bool:

@@ -266,8 +266,9 @@ def missing_column(
 ) -> LogFormatError:
     """Return the error to raise for a column that is not in the header; ``used`` are other columns of the map."""
     free = [other for other in header if other not in used]
-    listed = ", ".join(map(shown, header[:40])) + (f", ... ({len(header)} columns)" if len(header) > 40 else "")
-    step = f"the header has {listed}; map it with columns: in the case file, which 'dynident init ROBOT LOG' drafts"
+    listed = ", ".join(map(shown, header[:12])) + (f", ... ({len(header)} columns)" if len(header) > 12 else "")
+    how = "which 'dynident init ROBOT LOG' drafts (in Python dynident.init)"
+    step = f"the header has {listed}; map it with columns: in the case file, {how}"
     return LogFormatError(path, line, f"no column '{shown(name)}'", step + nearest(name, map(shown, free)))
 
 
