@@ -97,7 +97,7 @@ def show_short(
         console.answer_text(line)
     table = short_answer.joints_table(estimate, test)
     console.answer_table(table, f"relative torque error, {'training' if test is None else 'test'} data")
-    for line in (table.note, "", *short_answer.summary_lines(estimate, test)):
+    for line in (table.note, "", *short_answer.summary_lines(estimate, test, verdict.new is not None)):
         if line or line != table.note:
             console.answer_text(line)
     show_ranges(estimate)

@@ -81,12 +81,15 @@ def joints_table(estimate: Estimate, test: Validation | None) -> Table:
     return Table(table.columns, tuple(table.rows[k] for k in (*kept, len(table.rows) - 1)), note)
 
 
-def summary_lines(estimate: Estimate, test: Validation | None) -> list[str]:
+def summary_lines(estimate: Estimate, test: Validation | None, on_new: bool = False) -> list[str]:
     """Return what the estimate is made of: links, parameters, data, findings of the log checks.
 
-    Of one that the log checks speak against links and parameters mean nothing: they are left out.
+    Of one that the log checks speak against links and parameters mean nothing: they are left out. Where the answer is
+    about new logs (``on_new``) only the links and the checks are told, which `identify` told with the rest.
     """
     is_sound = not causes_against(estimate)
+    if on_new:
+        return list(filter(None, [bodies_line(estimate) if is_sound else "", checks_line(estimate)]))
     bodies = [
         bodies_line(estimate),
         *plausibility_lines(estimate, test),

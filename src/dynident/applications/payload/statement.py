@@ -197,7 +197,8 @@ def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
         own = robot.links[link].name
         flange = next(iter(likeliest([name for name, frame in robot.frames.items() if frame.link == link])), own)
         text = f"a payload on {own} explains the torques far better, that of {joint.name} to {rest[worst]:.3g} "
-        remarks.insert(0, f"{text}{joint.unit}: --flange {flange}")
+        remarks.insert(0, f"{text}{joint.unit}: --flange {flange}; or the mounting or a zero is not that of the fit "
+                          "('dynident check CASE LOG --against ESTIMATE' looks)")  # fmt: skip
     return remarks
 
 
