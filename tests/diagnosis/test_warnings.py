@@ -10,7 +10,7 @@ import pytest
 
 from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot, validate
 from dynident.data.preprocessing.as_given import AsGiven
-from dynident.diagnosis.verdict import check_lines, errors_in
+from dynident.diagnosis.verdict import check_lines, errors_in, verdict_of
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.consistency.log_cholesky_fit import BOUNDARY, UNFINISHED
 from dynident.identification.problem.choices import Choices, GainUncertainty, NoiseBias
@@ -43,6 +43,15 @@ HOW = Preprocessing(AsGiven(), rest="keep")
 def test_a_sound_estimate_has_no_warning() -> None:
     model, log = recorded()
     assert warnings_of(identify(model, [log], preprocessing=HOW)) == ()
+
+
+@pytest.mark.parametrize(("scale", "is_told"), [(0.5, True), (1.2, False)])
+def test_a_robot_model_far_from_the_data_is_told(scale: float, is_told: bool) -> None:
+    """All torques half as large, or the model of another size of robot, are a good fit with other masses."""
+    model, log = recorded()
+    estimate = identify(model, [replace(log, torque=scale * np.asarray(log.torque))], preprocessing=HOW)
+    told = [line for line in warnings_of(estimate) if "make sure that it is the model of this robot" in line]
+    assert len(told) == is_told and bool(verdict_of(estimate).against) == is_told
 
 
 @pytest.mark.parametrize(("shares", "is_told"), [((0.1, 0.25), True), ((0.15, 0.15), False), ((0.0, 0.0), False)])

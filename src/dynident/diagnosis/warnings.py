@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from dynident.diagnosis.new_log import NewLog, check_command, unlike
-from dynident.diagnosis.verdict import check_lines, quality_of
+from dynident.diagnosis.verdict import check_lines, model_doubt, quality_of
 from dynident.identification.consistency.log_cholesky_fit import UNFINISHED
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
@@ -52,7 +52,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None, new: NewLog 
         case = str(estimate.provenance.get("case", {}).get("path", ""))
         told = ": ".join(filter(None, unlike(estimate, test, check_command(test.logs, case=case))))
     found = [
-        *filter(None, [told]),
+        *filter(None, [told, ": ".join(filter(None, model_doubt(estimate)))]),
         *check_lines(quality_of(estimate) or ()),
         *_gaps(estimate),
         *_limits(estimate),

@@ -86,7 +86,7 @@ def reason_of(verdict: Verdict) -> str:
             )
             if names
         ]
-        but += [label(verdict.far)] * bool(verdict.far)
+        but += map(label, verdict.against)
         return f"{told}, but {'; '.join(but)}" if but else told
     missed = [criterion.criterion for criterion in verdict.criteria if not criterion.is_met]
     return ", ".join(missed) or f"{len(verdict.criteria)} of {len(verdict.criteria)} criteria met"

@@ -86,7 +86,7 @@ def _word(judged: Verdict) -> str:
         return judged.word.capitalize()
     if not judged.is_checked:
         return "Logs not checked"
-    return "Warnings" if judged.warned or judged.apart or judged.far else "Log checks passed"
+    return "Warnings" if judged.warned or judged.apart or judged.against else "Log checks passed"
 
 
 def _worst_data(subject: Subject) -> Dataset | None:
