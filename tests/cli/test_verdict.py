@@ -135,6 +135,17 @@ def test_a_fit_of_nothing_is_not_accepted(
     assert "nothing explained" in capsys.readouterr().err and not Path("out.csv").exists()
 
 
+def test_links_that_leave_most_of_a_torque_are_not_accepted(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Free parameters explain a torque of the wrong sign, links of positive mass do not."""
+    recorded(spatial_3r, _turned)
+    assert main(["identify", "case.yaml", "run.csv", "-o", "e.json", "--no-check", *QUICK]) == 4
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[1].startswith("error: the estimate: inconsistent links") and "residual" in shown[1]
+    assert main(["export", "e.json", "--to", "csv", "-o", "out.csv", "--quiet"]) == 1
+
+
 @pytest.mark.parametrize(("factor", "is_wrong"), [(1 / 9.81, True), (1.3, False)])
 def test_masses_far_off_those_of_the_robot_model_are_not_accepted(
     factor: float, is_wrong: bool, spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]

@@ -210,10 +210,10 @@ def causes_against(estimate: Estimate, quality: Sequence[Mapping[str, Any]] | No
     lost = {name: share for name, share in left.items() if share > LOST}
     if found or not lost or not rise > RISES:
         return found
-    shares = listed([f"{100 * one:.0f} % at {name}" for name, one in lost.items()])
+    shares = listed([f"{name} {100 * one:.0f} %" for name, one in lost.items()])
     evidence = (
-        f"links of positive mass density leave {shares} of the torque's variation on the data of the fit, "
-        f"and make its residual {1.0 + rise:.3g} times that of parameters without this condition"
+        f"links of positive mass density leave of the torque's variation on the data of the fit: {shares}; they make "
+        f"its residual {1.0 + rise:.3g} times that of parameters without this condition"
     )
     remedy = "check units of positions and torques, gains and gear ratios, and lengths and axes of the robot model"
     return (ErrorFinding(OF_FIT, "inconsistent links", listed([*lost]), evidence, remedy),)

@@ -13,6 +13,7 @@ from dynident.diagnosis.causes.against_bodies import OF_ALL, AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import KnownBodies, NominalBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.position_spectrum import RIPPLE
+from dynident.diagnosis.causes.several_scales import nominal_ratios
 from dynident.diagnosis.causes.thin_fit import asked_inertias
 from dynident.diagnosis.causes.trend_findings import (
     NARROW,
@@ -26,7 +27,8 @@ from dynident.diagnosis.causes.trend_findings import (
 )
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.checks.torque_scale import ALIKE, OF_UNIT, UNIT, other_unit
+from dynident.diagnosis.checks.torque_scale import ALIKE, LOADED, OF_UNIT, UNIT, are_alike, other_unit
+from dynident.diagnosis.checks.torque_scale import SURE as SURE_OF_SHAPE
 from dynident.diagnosis.finding import Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
@@ -70,7 +72,7 @@ def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: st
         if one.cause.name in FREE and (one.cause.name != SCALE or believed(one, subject.trend_scale) is not None)
     }
     every = against.blames
-    if unit := [each for blame in every for each in _unit(blame, against)]:
+    if subject.known is None and (unit := [each for blame in every for each in _unit(blame, against)]):
         return unit
     frames, blames = standing(trends, every)
     left_out = FREE_ALONE + (FREE_OF_MODELS if isinstance(known, NominalBodies) else ())
@@ -108,7 +110,8 @@ def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: 
 def _unit(blame: Blame, against: AgainstBodies) -> list[Finding]:
     """Return that all torques are in another unit, where the robot model's bodies are right in another size alone.
 
-    The joints need not ask for one factor: a load at the flange, or another cause, may have been found beside it.
+    The joints need not ask for one factor, for which another check stands: a load at the flange makes torques larger,
+    up to thrice. No joint may ask for another one than that.
     """
     if (blame.cause.name, blame.cause.joint) != OF_ALL or not blame.values[0] > -1.0:
         return []
@@ -116,11 +119,14 @@ def _unit(blame: Blame, against: AgainstBodies) -> list[Finding]:
     far = times - float(blame.half_widths[0]) / ratio > np.log(OFF)
     if not far or not against.errors_of_bodies < ALIKE - 1.0:
         return []
+    fit, ratios = against.fit, nominal_ratios(against.fit, SURE_OF_SHAPE**2)
+    told = ratios[np.isfinite(ratios)] / ratio
+    if are_alike(fit, ratios) or not np.all((told > 1.0 / ALIKE) & (told < LOADED * ALIKE)):
+        return []
     evidence = (
-        f"beside what else differs, a load at the flange for one, the torques are {ratio:.3g} (+- "
-        f"{float(blame.half_widths[0]):.2g}) times those of the robot model's masses (t = {blame.certainty:.0f})"
+        f"whatever load the flange carries, the torques are {ratio:.3g} (+- {float(blame.half_widths[0]):.2g}) times "
+        f"those of the robot model's masses (t = {blame.certainty:.0f})"
     )
-    fit = against.fit
     return [Finding("error", UNIT, "", evidence, other_unit(fit, ratio), {"ratio": ratio}, OF_UNIT)]
 
 

@@ -169,7 +169,7 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies |
         return told
     ratios = nominal_ratios(fit, SURE**2)
     other = other_unit(fit, ratio)
-    return _other_units(fit, ratios) or _other_unit(ratio, alike, "the robot model", other, _are_alike(fit, ratios))
+    return _other_units(fit, ratios) or _other_unit(ratio, alike, "the robot model", other, are_alike(fit, ratios))
 
 
 def _other_units(fit: QuickFit, ratios: Array) -> list[Finding]:
@@ -231,7 +231,7 @@ def _lifted(fit: QuickFit) -> list[Finding]:
     return found
 
 
-def _are_alike(fit: QuickFit, ratios: Array) -> bool:
+def are_alike(fit: QuickFit, ratios: Array) -> bool:
     """Return whether most joints ask for one factor: one wrong body, or masses that are guessed, ask for several.
 
     A load that is not known, of up to the arm's own weight, makes torques larger, and may do so at all joints alike.
