@@ -18,11 +18,12 @@ from dynident.case import case_draft
 from dynident.case.case_draft import draft_case, draft_summary
 from dynident.case.draft import readings
 from dynident.case.draft.recognise import cutoff_of
+from dynident.case.evidence.positions import turns_into_limits
 from dynident.data.formats import Units
 from dynident.data.split import Split
 from dynident.errors import BadOption, DescriptionError, FileError, LogFormatError, LogMismatch, UnknownChoice
 from dynident.model.friction import FRICTION, auto_friction, motor_ripple
-from dynident.model.joint import Drive
+from dynident.model.joint import Drive, JointLimits
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
@@ -401,6 +402,20 @@ def test_turns_that_start_again_are_counted_on(turn: float, arm: str, motion: di
     assert case.columns.wrapped == case.robot.joint_names
     assert case.columns.units.position == ("deg" if turn == 360.0 else "rad")
     np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"], atol=1e-9)
+
+
+def test_positions_that_start_again_are_held_against_limits_in_any_turn(
+    arm: str, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    """Joints of 30 to 330 degrees that stand about 180 had been told to leave their limits: zero, sign and order."""
+    joints = read_robot(arm).active
+    q = np.mod(np.rad2deg(motion["q"]), 360.0)
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered({**motion, "q": q})), tmp_path)
+    assert draft.recognition.wrapped and "leaves its limits" not in draft.text
+    for low, turn in ((-3.6, 1.0), (2.9, 0.0), (9.0, -1.0)):
+        joint = replace(joints[0], limits=JointLimits(np.deg2rad(30), np.deg2rad(330)))
+        assert turns_into_limits(joint, low, low + 0.5) == pytest.approx(2 * np.pi * turn)
+    assert turns_into_limits(replace(joints[0], limits=JointLimits()), -3.6, -2.9) == 0.0
 
 
 def test_a_jump_of_some_degrees_is_no_turn(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ from dynident.case.draft.servo_text import is_servo_log, servo_remark
 from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.tied_columns import led_by_columns, with_sums
 from dynident.case.draft.yaml_words import few
+from dynident.case.evidence.positions import turns_into_limits
 from dynident.case.questions import Question, questions_in
 from dynident.data.formats import FORMATS, LARGE, LogFormat, LogTable, bytes_of
 from dynident.data.formats._clocked_table import with_clock, with_sum
@@ -316,6 +317,8 @@ def _remarks(found: Recognised) -> list[str]:
         order = [found.joints.names.index(joint.name) for joint in moving.active]
         q = np.concatenate([reading.signals["q"] for reading in found.readings])
         q = (q * position_factors(told, q.shape[1]))[:, order]
+        for k in (k for k, joint in enumerate(moving.active) if joint.name in found.wrapped):
+            q[:, k] += turns_into_limits(moving.active[k], q[:, k].min(), q[:, k].max())
         outside = outside_limits(moving.active, q)
         remarks += [f"{text}: check units, sign and order of the columns" for text in outside]
     if still := list(found.still):

@@ -270,6 +270,16 @@ def test_a_stated_mass_that_the_log_contradicts_is_not_obeyed(robot: Robot, esti
         assert right.placed and not right.contradiction
 
 
+def test_torques_that_no_payload_explains_give_no_form(robot: Robot, estimate: Estimate) -> None:
+    """An estimate of torques half as large had found 3.8 kg "identified" for 1.2."""
+    run = run_of(with_body(robot), 2)
+    found = identify_payload(estimate, [replace(run, torque=2.0 * np.asarray(run.torque))])
+    assert found.contradiction.startswith("no payload explains the torque of ") and not found.placed
+    with pytest.raises(BadOption, match="intervals do not hold"):
+        vendor_forms(found)
+    assert identify_payload(estimate, [run]).placed
+
+
 def test_a_run_without_payload_says_so(robot: Robot, estimate: Estimate) -> None:
     found = identify_payload(estimate, [run_of(robot, 5)])
     assert not found.placed and "no payload is evident" in " ".join(found.remarks)

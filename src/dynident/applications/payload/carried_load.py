@@ -75,7 +75,7 @@ class CarriedLoad:
         residual: Root mean square of what is left, by joint: torque without the payload, with it.
         logs: Names of the logs.
         remarks: What has to be said.
-        contradiction: How the log contradicts a stated mass; empty where it does not.
+        contradiction: How the log contradicts a stated mass, or any payload; empty where it does not.
     """
 
     frame: str

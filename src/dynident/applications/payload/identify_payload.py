@@ -118,7 +118,7 @@ def identify_payload(
         return found
     alone = _Run(estimate, used, rows, runs[frame].place, replace(beforehand, mass=None, deviation=0.0), progress)
     against = contradiction(known.mass, known.mass_deviation, stated(alone.solve(), *told, ()).mass)
-    return replace(found, contradiction=against, remarks=tuple(filter(None, (against, *found.remarks))))
+    return replace(found, contradiction=against, remarks=(against, *found.remarks)) if against else found
 
 
 def _gain_deviations(estimate: Estimate, logs: Sequence[Log], deviation: float | None) -> Array | None:

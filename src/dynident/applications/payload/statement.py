@@ -37,6 +37,10 @@ FAR = 10.0
 #: share of it that the scale of the torques alone may make.
 APART, GAINS = 1.5, 0.1
 
+#: Share of the torque without the payload that is left with it where far more than by the fit is left: above it the run
+#: has something else than a payload.
+LEFT = 0.1
+
 #: Chance of a body as far from the ten by noise alone below which it is said.
 UNLIKELY = 0.001
 
@@ -115,6 +119,7 @@ def stated(
         residual={name: (float(without), float(with_it)) for name, without, with_it in pairs},
         logs=logs,
         remarks=(*remarks, *_remarks(found, estimate, parameters, distance)),
+        contradiction=_left_over(found, estimate),
     )
 
 
@@ -184,14 +189,30 @@ def unexplained(without: Array, left: Array, estimate: Estimate) -> int | None:
     return worst if left[worst] > FAR * max(usual[worst], 1e-3 * without[worst]) else None
 
 
+def _torque_left(found: PayloadFit, estimate: Estimate) -> tuple[int, str] | None:
+    """Return the joint of which the payload leaves far more torque than the fit of the robot did, with words for it."""
+    worst, left = unexplained(*found.residual, estimate), found.residual[1]
+    if found.rows != "motion" or worst is None:
+        return None
+    joint = estimate.model.robot.active[worst]
+    text = f"no payload explains the torque of {joint.name}: {left[worst]:.3g} {joint.unit} are left, "
+    return worst, text + f"{estimate.joint_deviations[worst]:.3g} by the fit of the robot; intervals do not hold then"
+
+
+def _left_over(found: PayloadFit, estimate: Estimate) -> str:
+    """Return why no payload is what the run has more than the robot; empty where one explains nearly all of it."""
+    worst, told = _torque_left(found, estimate) or (0, "")
+    without, left = found.residual
+    return told if left[worst] > LEFT * without[worst] else ""
+
+
 def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
     """Return what is to be said where the payload leaves far more torque than the fit of the robot did."""
-    worst, robot, left = unexplained(*found.residual, estimate), estimate.model.robot, found.residual[1]
-    if found.rows != "motion" or worst is None:
+    told = _torque_left(found, estimate)
+    if told is None:
         return []
+    worst, robot, remarks = told[0], estimate.model.robot, [told[1]]
     joint = robot.active[worst]
-    text = f"no payload explains the torque of {joint.name}: {left[worst]:.3g} {joint.unit} are left, "
-    remarks = [text + f"{estimate.joint_deviations[worst]:.3g} by the fit of the robot; intervals do not hold then"]
     if found.better is not None:
         link, rest = found.better
         own = robot.links[link].name

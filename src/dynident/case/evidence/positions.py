@@ -29,6 +29,12 @@ JUMP = 0.1
 STRAYS = 0.2
 
 
+def turns_into_limits(joint: Joint, low: float, high: float) -> float:
+    """Return the whole turns, in rad, that bring a range of positions nearest to the middle of the joint's limits."""
+    middle = 0.5 * (joint.limits.lower + joint.limits.upper)
+    return 2 * np.pi * round((middle - 0.5 * (low + high)) / (2 * np.pi)) if np.isfinite(middle) else 0.0
+
+
 def is_within(joint: Joint, low: float, high: float) -> bool:
     """Return whether a range of positions in rad or m is within the limits of a joint."""
     return low >= joint.limits.lower - SLACK and high <= joint.limits.upper + SLACK

@@ -18,6 +18,7 @@ from dynident.case.evidence.positions import (
     is_plausible,
     is_within,
     travel,
+    turns_into_limits,
 )
 from dynident.data.formats._units import counted_unit
 from dynident.diagnosis.checks.base import Check, CheckedLog
@@ -86,6 +87,8 @@ def _limits(subject: CheckedLog) -> list[Finding]:
     degrees, millimetres, inverted, names, beyond, far = [], [], [], [], [], 0.0
     for joint, column in zip(robot.active, q.T, strict=True):
         low, high = float(column.min()), float(column.max())
+        if joint.name in subject.raw.columns.wrapped:  # which turn they begin in nobody knows
+            low, high = (at + turns_into_limits(joint, low, high) for at in (low, high))
         lower, upper = joint.limits.lower, joint.limits.upper
         away = max(lower - high, low - upper, lower - low, high - upper)
         turns = joint.kind == "revolute"
