@@ -94,7 +94,9 @@ def inverse_positive(matrix: Array) -> Array:
     own = cholesky(matrix)
     if own is None or (own.size and _run("dpotri", b"U", len(own), own, len(own))):
         return np.linalg.inv(matrix)
-    return own + np.triu(own, 1).T
+    whole = own + own.T  # below its diagonal the factor is 0
+    np.einsum("ii->i", whole)[...] *= 0.5
+    return whole
 
 
 def solve_upper(factor: Array, right: Array, transposed: bool = False) -> Array:

@@ -176,13 +176,18 @@ class LeastSquares:
 
     Attributes:
         beta: Minimiser, shape (b,).
-        unscaled_covariance: (R'R)^-1, shape (b, b); times the residual variance it is the covariance.
+        root: R^-1, shape (b, b).
         scaled: R with unit columns.
     """
 
     beta: Array
-    unscaled_covariance: Array
+    root: Array
     scaled: Array
+
+    @cached_property
+    def unscaled_covariance(self) -> Array:
+        """(R'R)^-1, shape (b, b); times the residual variance it is the covariance."""
+        return self.root @ self.root.T
 
     @cached_property
     def singular_values(self) -> Array:
@@ -207,7 +212,7 @@ def least_squares(problem: Reduced, tolerance: float = 1e-10) -> LeastSquares:
         keep = s > tolerance * s[0] if len(s) and s[0] > 0 else np.zeros(len(s), bool)
         inverse = (vt.T * np.where(keep, 1.0 / np.where(keep, s, 1.0), 0.0)) @ u.T
     root = inverse / scale[:, None]
-    return LeastSquares(root @ problem.z, root @ root.T, scaled)
+    return LeastSquares(root @ problem.z, root, scaled)
 
 
 def _inverse(upper: Array, tolerance: float) -> Array | None:

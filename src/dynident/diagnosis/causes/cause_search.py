@@ -167,9 +167,8 @@ class CauseSearch:
     def products(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Return W_i' W_i (n, k, k) and W_i' tau_i (n, k) of each joint with the columns of some of the causes."""
         use, grams = self.used(chosen), self.columns.grams
-        places = (use[:, None] * grams.shape[1] + use).ravel()
-        found = grams.reshape(len(grams), -1).take(places, axis=1)
-        return found.reshape(len(grams), len(use), len(use)), self.columns.sides[:, use]
+        places = use[:, None] * grams.shape[1] + use
+        return grams.reshape(len(grams), -1).take(places, axis=1), self.columns.sides[:, use]
 
     @cached_property
     def spectrum(self) -> NoiseSpectrum:
@@ -301,10 +300,11 @@ class CauseSearch:
         beyond += np.diag(1e-9 * sizes[known:] + 1e-300)
         rest, found = side[known:] - along.T @ side[:known], np.zeros(len(more))
         positive = np.concatenate([np.full(len(cause.columns), cause.is_positive) for cause in self.causes])
-        places = [np.concatenate([self._places[k] for k in causes]) - self.size for causes in more]
+        spans = [tuple((own - self.size).tolist()) for own in self._places]
+        places = [sum((spans[k] for k in causes), ()) for causes in more]
         for length in {len(own) for own in places}:
             which = [k for k, own in enumerate(places) if len(own) == length]
-            own = np.stack([places[k] for k in which])
+            own = np.array([places[k] for k in which], dtype=np.int64)
             solved = np.linalg.solve(beyond[own[:, :, None], own[:, None, :]], rest[own][:, :, None])[:, :, 0]
             found[which] = np.sum(rest[own] * solved, axis=1) * ~np.any(positive[own] & (solved < 0.0), axis=1)
         return found
