@@ -107,6 +107,7 @@ SMALL = {
     "cli/short_help.py": "help, apart from the parser",
     "data/formats/_simulated_bag.py": "names in recordings of the virtual cell, apart from other recordings",
     "data/motor_side.py": "of logs and their streams",
+    "diagnosis/checks/_torque_unit.py": "of two checks",
     "data/preprocessing/_low_pass.py": "of two filters",
     "data/preprocessing/_zero_phase.py": "of two filters and of draft and checks",
     "data/turns.py": "of reading, drafting, checking and repairing",

@@ -33,8 +33,18 @@ URDF = """<?xml version="1.0"?>
 def rows(count: int = 2000) -> list[list[float]]:
     time = np.arange(count) / 200
     q = np.column_stack([np.sin(1.7 * time) + 0.3 * np.sin(5 * time), np.cos(2.3 * time) + 0.2 * np.sin(7 * time)])
-    noise = np.random.default_rng(0).normal(0, 0.1, q.shape)
-    torque = 10 * np.cos(q) + 0.5 * np.gradient(q, time, axis=0) + noise
+    dq = np.gradient(q, time, axis=0)
+    ddq = np.gradient(dq, time, axis=0)
+    cos, cross = np.cos(q[:, 1]), -2 * 0.4 * 0.15 * np.sin(q[:, 1])
+    own, both = 0.03 + 2 * 0.15**2, 2 * 0.4 * 0.15 * cos  # of the arm above, two links in the vertical plane
+    whole = 0.05 + 3 * 0.2**2 + 2 * 0.4**2 + own + 2 * both
+    weight = -9.81 * 2 * 0.15 * np.cos(q.sum(axis=1))
+    torque = np.column_stack([
+        whole * ddq[:, 0] + (own + both) * ddq[:, 1] + cross * dq[:, 1] * (2 * dq[:, 0] + dq[:, 1])
+        - 9.81 * (3 * 0.2 + 2 * 0.4) * np.cos(q[:, 0]) + weight,
+        (own + both) * ddq[:, 0] + own * ddq[:, 1] - cross * dq[:, 0] ** 2 + weight,
+    ])  # fmt: skip
+    torque = torque + 0.5 * dq + np.random.default_rng(0).normal(0, 0.1, q.shape)
     return np.column_stack([time, q, torque]).tolist()
 
 

@@ -361,7 +361,7 @@ def test_what_is_chosen_last_is_chosen_with_the_delay_that_was_found(
         free.append(any(value is True for value in (*arguments, *options.values())))
         return search_friction(*arguments, **options)
 
-    monkeypatch.setattr("dynident.identification.build_problem.search_friction", told)
+    monkeypatch.setattr("dynident.identification.selection.friction.search_friction.search_friction", told)
     model = DynamicModel(planar_2r, (DRY, Viscous()))
     estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
     assert free == [True, False]

@@ -299,6 +299,11 @@ class AgainstBodies:
         return search, found
 
     @property
+    def search(self) -> Anchored:
+        """The search among the causes."""
+        return self._looked[0]
+
+    @property
     def blames(self) -> tuple[Blame, ...]:
         """The causes that are sure, the one that explains most first."""
         return self._looked[1]

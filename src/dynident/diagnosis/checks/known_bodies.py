@@ -26,9 +26,9 @@ from dynident.diagnosis.causes.trend_findings import (
     trend_finding,
 )
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends
+from dynident.diagnosis.checks._torque_unit import ALIKE, LOADED, OF_UNIT, UNIT, are_alike, other_unit
+from dynident.diagnosis.checks._torque_unit import SURE as SURE_OF_SHAPE
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.checks.torque_scale import ALIKE, LOADED, OF_UNIT, UNIT, are_alike, other_unit
-from dynident.diagnosis.checks.torque_scale import SURE as SURE_OF_SHAPE
 from dynident.diagnosis.finding import Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its

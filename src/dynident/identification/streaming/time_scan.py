@@ -196,7 +196,11 @@ def _check(scan: TimeScan, path: str, longest_gap: float) -> None:
         evidence = "its rate changes on the way, or it has many gaps"
         raise LogMismatch(path, evidence, "split it where the rate changes")
     if scan.longest > longest_step(scan.step, longest_gap):
-        raise LogMismatch(path, f"a gap of {scan.longest:.4g} s after sample {scan.after}", gap_remedy(scan.longest))
+        place = f"sample {scan.after}"
+        if len(scan.gaps):
+            at = scan.gaps[np.argmax(np.diff(scan.gaps)), 0]
+            place += f", {at - scan.first:.4g} s from its start"
+        raise LogMismatch(path, f"a gap of {scan.longest:.4g} s after {place}", gap_remedy(scan.longest))
     if scan.count > 10 * scan.samples:
         evidence = (
             f"a median step of {scan.step:.3g} s where {scan.samples} samples last {scan.last - scan.first:.4g} s"
