@@ -165,6 +165,10 @@ FAULTS: dict[str, tuple[str, Callable[[Trial], Trial], tuple[str, str, str], str
         "time_steps", lambda t: changed(t, "t", lambda v: v.__setitem__(slice(900, None), v[900:] + 3.0)),
         ("error", "gap in time", ""), r"a gap of 3\.01 s after .*split the log there",
     ),
+    "stamps in pairs": (
+        "time_steps", lambda t: changed(t, "t", lambda v: v.__setitem__(slice(1, None, 2), v[1::2] - 0.008)),
+        ("warning", "time jitter", ""), r"steps of 2 to 18 ms",
+    ),
     "rows that got lost": (
         "time_steps", lambda t: t.rows(np.delete(np.arange(2000), [300, 700, 701, 702, 1500])),
         ("note", "lost rows", ""), r"5 rows \(0\.25 %\) are missing in 3 places, up to 3 in a row; the",

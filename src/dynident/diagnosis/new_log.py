@@ -13,8 +13,8 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Fit, Validation
 
 #: Residual of a joint on test data over that on training data above which the test log is told to be another one (twice
-#: as fast a motion of a real arm had 2.6), where it is more than this share of the torque, so that it matters, or a
-#: share less by what the residual is above; and the one above which a motion beyond the fit is a less likely cause.
+#: as fast a motion of a real arm had 2.6); the share of the torque that it has to be, below which the first has to be
+#: larger in proportion; and the ratio above which a motion beyond the fit is a less likely cause.
 UNLIKE, UNLIKE_ERROR, GRAVELY = 4.0, 0.15, 10.0
 
 #: Names of logs that are written out, and of those that have no file.
@@ -118,11 +118,9 @@ def unlike(estimate: Estimate, test: Validation, command: str = "") -> tuple[str
         told, _, step = constant.partition(": ")
         return told, step
     pairs = zip(test.moving, estimate.train.moving, strict=True)
-    times = {
-        now.name: now.rmse / then.rmse
-        for now, then in pairs
-        if then.rmse and now.rmse / then.rmse > UNLIKE * max(1.0, UNLIKE_ERROR / max(now.relative_error, 1e-9))
-    }
+    times = {now.name: now.rmse / then.rmse for now, then in pairs if then.rmse and now.relative_error > 0}
+    least = {now.name: UNLIKE * max(1.0, UNLIKE_ERROR / now.relative_error) for now in test.moving if now.name in times}
+    times = {name: ratio for name, ratio in times.items() if ratio > least[name]}
     if not times:
         return "", ""
     joint = max(times, key=lambda name: times[name])

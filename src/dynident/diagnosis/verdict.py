@@ -257,6 +257,7 @@ def model_doubt(estimate: Estimate) -> tuple[str, str]:
 
     On five real robots they leave 2 to 12 % beside friction that is fitted, on arms whose masses and inertias are off
     by a factor of 1.6 up to 20 %; with the model of another size of robot, or torques half as large, 42 % and more.
+    Torques that are too large by a factor k leave 1 - 1 / k at most, so that twice is not told here.
     """
     nominal, found = estimate.train.nominal, estimate.train.total_relative_error
     if nominal is None or not nominal.friction_fitted > max(MODEL_FAR, TIMES * found):

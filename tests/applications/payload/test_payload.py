@@ -265,9 +265,12 @@ def test_a_stated_mass_that_the_log_contradicts_is_not_obeyed(robot: Robot, esti
     assert f"which contradicts the stated {0.5 * weighed:g} kg" in found.contradiction and not found.placed
     with pytest.raises(BadOption, match="the log alone weighs"):
         vendor_forms(found)
-    for mass in (weighed, 1.05 * weighed):  # within what scales of the torques may make
-        right = identify_payload(estimate, [log], known=BeforeRun(mass=mass))
-        assert right.placed and not right.contradiction
+    for mass, told in ((weighed, False), (1.05 * weighed, True)):  # within what scales of the torques may make
+        for level in (0.5, 0.95):
+            right = identify_payload(estimate, [log], known=BeforeRun(mass=mass), level=level)
+            assert right.placed and not right.contradiction
+            assert any("the log alone weighs" in remark for remark in right.remarks) == told
+            assert not any("no payload explains" in remark for remark in right.remarks)
 
 
 def test_torques_that_no_payload_explains_give_no_form(robot: Robot, estimate: Estimate) -> None:
@@ -278,6 +281,8 @@ def test_torques_that_no_payload_explains_give_no_form(robot: Robot, estimate: E
     with pytest.raises(BadOption, match="intervals do not hold"):
         vendor_forms(found)
     assert identify_payload(estimate, [run]).placed
+    hose = np.asarray(run.torque) - 0.15 * np.eye(6)[5] * run.q  # at a joint that the payload hardly loads
+    assert identify_payload(estimate, [replace(run, torque=hose)]).placed
 
 
 def test_a_run_without_payload_says_so(robot: Robot, estimate: Estimate) -> None:

@@ -20,7 +20,7 @@ from dynident.applications.payload.difference_fit import (
 from dynident.applications.payload.flanges import chosen_end, ends_of, frames_beside
 from dynident.applications.payload.gain_doubt import GainDoubt, gain_doubt, scaled_rows
 from dynident.applications.payload.poses import holding_friction, mostly_standing, posture_log
-from dynident.applications.payload.statement import PayloadFit, contradiction, stated, unexplained
+from dynident.applications.payload.statement import NO_PAYLOAD, PayloadFit, disagreement, stated, unexplained
 from dynident.arrays import Array, IntArray
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
@@ -37,6 +37,9 @@ PASSES = 3
 
 #: Share of the weighted squares that a payload leaves below which one on another link leaves far less: half the torque.
 FAR_BETTER = 0.25
+
+#: Share of a stated mass by which that of the log may differ by the scale of its torques: not obeyed beyond it.
+GAINS = 0.1
 
 #: Natural sizes of a payload, by which unknowns are compared: kg and m.
 NATURAL = (1.0, 0.1)
@@ -112,13 +115,17 @@ def identify_payload(
     gains_of = [run.gain() for run in runs.values()] if len(runs) > 1 else [0.0]
     frame, remarks = chosen_end(ends, gains_of)
     remarks = [] if flange else [*remarks, *frames_beside(robot, frame)]
-    told = estimate, frame, level, tuple(log.name for log in logs)
-    found = stated(runs[frame].solve(), *told, tuple(remarks))
+    names = tuple(log.name for log in logs)
+    found = stated(runs[frame].solve(), estimate, frame, level, names, tuple(remarks))
     if known.mass is None:
         return found
-    alone = _Run(estimate, used, rows, runs[frame].place, replace(beforehand, mass=None, deviation=0.0), progress)
-    against = contradiction(known.mass, known.mass_deviation, stated(alone.solve(), *told, ()).mass)
-    return replace(found, contradiction=against, remarks=(against, *found.remarks)) if against else found
+    free = _Run(estimate, used, rows, runs[frame].place, replace(beforehand, mass=None, deviation=0.0), progress)
+    alone = stated(free.solve(), estimate, frame, 0.95, names, ())
+    told = disagreement(known.mass, known.mass_deviation, alone.mass)
+    is_far = abs(alone.mass.value - known.mass) > GAINS * known.mass
+    kept = [one for one in found.remarks if not one.startswith(NO_PAYLOAD)]  # with the mass left open one may
+    said = list(dict.fromkeys(filter(None, (told, alone.contradiction, *kept))))
+    return replace(found, contradiction=told if told and is_far else alone.contradiction, remarks=tuple(said))
 
 
 def _gain_deviations(estimate: Estimate, logs: Sequence[Log], deviation: float | None) -> Array | None:

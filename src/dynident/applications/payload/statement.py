@@ -33,12 +33,14 @@ SHARE = 0.5
 #: Torque that is left with the payload, as a multiple of that of the fit, from which on the payload explains nothing.
 FAR = 10.0
 
-#: Half widths from the mass that the log alone tells beyond which a stated one contradicts it (three deviations), and
-#: share of it that the scale of the torques alone may make.
-APART, GAINS = 1.5, 0.1
+#: Half widths of 95 % from the mass by the log alone beyond which a stated one contradicts it: three deviations.
+APART = 1.5
 
-#: Share of the torque without the payload that is left with it where far more than by the fit is left: above it the run
-#: has something else than a payload.
+#: How a remark begins on torque that the payload leaves.
+NO_PAYLOAD = "no payload explains"
+
+#: Share of the torque without the payload (of all joints) that is left with it where far more than by the fit is left:
+#: above it the run has something else than a payload.
 LEFT = 0.1
 
 #: Chance of a body as far from the ten by noise alone below which it is said.
@@ -195,15 +197,18 @@ def _torque_left(found: PayloadFit, estimate: Estimate) -> tuple[int, str] | Non
     if found.rows != "motion" or worst is None:
         return None
     joint = estimate.model.robot.active[worst]
-    text = f"no payload explains the torque of {joint.name}: {left[worst]:.3g} {joint.unit} are left, "
+    text = f"{NO_PAYLOAD} the torque of {joint.name}: {left[worst]:.3g} {joint.unit} are left, "
     return worst, text + f"{estimate.joint_deviations[worst]:.3g} by the fit of the robot; intervals do not hold then"
 
 
 def _left_over(found: PayloadFit, estimate: Estimate) -> str:
-    """Return why no payload is what the run has more than the robot; empty where one explains nearly all of it."""
-    worst, told = _torque_left(found, estimate) or (0, "")
-    without, left = found.residual
-    return told if left[worst] > LEFT * without[worst] else ""
+    """Return why no payload is what the run has more than the robot; empty where one explains nearly all of it.
+
+    All joints count together: one that the payload hardly loads may have another reason, as a hose at a wrist.
+    """
+    _, told = _torque_left(found, estimate) or (0, "")
+    without, left = map(np.linalg.norm, found.residual)
+    return told if left > LEFT * without else ""
 
 
 def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
@@ -223,15 +228,15 @@ def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
     return remarks
 
 
-def contradiction(mass: float, deviation: float, alone: LoadParameter) -> str:
-    """Return what is to be said of a stated mass in kg that is far from what the log alone says; empty where it is not.
+def disagreement(mass: float, deviation: float, alone: LoadParameter) -> str:
+    """Return what is to be said of a stated mass in kg beside another one that the log alone tells; empty for nothing.
 
     Args:
         mass: The stated mass, in kg.
         deviation: Its standard deviation, in kg.
-        alone: The mass by the log alone.
+        alone: The mass by the log alone, with its 95 % interval.
     """
-    allowed = max(APART * float(np.hypot(alone.half_width, 2.0 * deviation)), GAINS * mass)
+    allowed = APART * float(np.hypot(alone.half_width, 2.0 * deviation))
     if not np.isfinite(allowed) or abs(alone.value - mass) <= allowed:
         return ""
     weighed = f"{alone.value:.4g} kg (+- {alone.half_width:.2g})"

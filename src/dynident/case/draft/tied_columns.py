@@ -152,8 +152,9 @@ def _named_columns(robot: Robot, table: LogTable) -> tuple[Mapping[str, str], Ma
 
 
 def _size(table: LogTable, column: str) -> float:
-    """Return how much a column varies; 0 where there is none."""
+    """Return how much a column varies; 0 where there is none, or no number in it."""
     if not column:
         return 0.0
     values = next(table.batches([column], _ROWS), np.zeros((1, 1)))
-    return float(np.std(values[np.isfinite(values)]))
+    numbers = values[np.isfinite(values)]
+    return float(np.std(numbers)) if len(numbers) else 0.0

@@ -90,9 +90,12 @@ def _is_light(robot: Robot, name: str, low: float, high: float) -> bool:
     shut, wide = robot.locked({name: low}), robot.locked({name: high})
     if name in shut.held:
         return False
+    own = next(link.name for link, joint in zip(robot.links, robot.joints, strict=True) if joint.name == name)
     for one, other in zip(shut.links, wide.links, strict=True):
         if one.inertia is None or other.inertia is None:
-            return False
+            if own in one.fixed:
+                return False
+            continue
         shift = np.linalg.norm(one.inertia.first_moment - other.inertia.first_moment)
         if shift > SHIFT * one.inertia.mass:
             return False
