@@ -18,12 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.faults.clean import log, robot, written
+from benchmarks.faults.clean import findings_of, log, robot
 from benchmarks.faults.loads import loaded
 from benchmarks.faults.trials import tracked
 from benchmarks.strangers.plant import urdf
-from dynident.case.case import read_case
-from dynident.diagnosis.examination import examine
 
 ARMS = 16
 
@@ -88,12 +86,7 @@ def main() -> None:
             for kind, columns, model, side in logs(seed):
                 if kind not in wanted:
                     continue
-                (folder / "arm.urdf").write_text(model)
-                written(columns, folder / "run.csv")
-                rotors = ", rotor_inertia" * (side == "motor")
-                text = f"case: 2\nrobot: arm.urdf\nfriction: [coulomb, viscous, offset{rotors}]\n"
-                (folder / "case.yaml").write_text(text)
-                found = examine(read_case(folder / "case.yaml"), str(folder / "run.csv")).findings
+                found = findings_of(columns, model, side, folder)
                 errors = [one for one in found if one.severity == "error" and one.name != "poor excitation"]
                 counts[kind] += bool(errors and errors[0].name == KINDS[kind]) if KINDS[kind] else not errors
                 if [one.name for one in errors[:1]] != [KINDS[kind]] * bool(KINDS[kind]):

@@ -22,8 +22,8 @@ import scipy.stats
 from benchmarks.faults.trials import tracked
 from benchmarks.strangers.plant import Body, cylinder, urdf, waves
 from dynident.api.init import init
-from dynident.case.case import read_case
-from dynident.diagnosis.examination import examine_logs
+from dynident.case.case import Case, read_case
+from dynident.diagnosis.examination import examine, examine_logs
 from dynident.diagnosis.finding import Finding
 
 LOGS = 300
@@ -130,6 +130,21 @@ def written(columns: dict[str, np.ndarray], path: Path) -> None:
     ]
     rows = np.column_stack(list(columns.values()))
     np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=",".join(names), comments="")
+
+
+def case_of(model: str, side: str, folder: Path) -> Case:
+    """Return a case of simple friction of a robot model, with rotor inertias where the torques are the motors'."""
+    (folder / "arm.urdf").write_text(model)
+    rotors = ", rotor_inertia" * (side == "motor")
+    text = f"case: 2\nrobot: arm.urdf\nfriction: [coulomb, viscous, offset{rotors}]\n"
+    (folder / "case.yaml").write_text(text)
+    return read_case(folder / "case.yaml")
+
+
+def findings_of(columns: dict[str, np.ndarray], model: str, side: str, folder: Path) -> tuple[Finding, ...]:
+    """Return the findings on a log under that case."""
+    written(columns, folder / "run.csv")
+    return tuple(examine(case_of(model, side, folder), str(folder / "run.csv")).findings)
 
 
 def told(seed: int, folder: Path, logs: int = 1) -> tuple[list[Finding], str]:

@@ -13,11 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.faults.clean import bound, log, robot, written
+from benchmarks.faults.clean import bound, findings_of, log, robot
 from benchmarks.faults.trials import tracked
 from benchmarks.strangers.plant import urdf
-from dynident.case.case import read_case
-from dynident.diagnosis.examination import examine
 from dynident.diagnosis.finding import Finding
 
 ARMS = 60
@@ -44,12 +42,7 @@ def named(seed: int, share: float, folder: Path) -> tuple[float, Finding | None]
     if mass:
         truth = loaded(truth, f"link_{len(bodies)}", mass, generator.normal(0, 0.1, 3))
     columns, side = log(generator, bodies, truth)
-    (folder / "arm.urdf").write_text(urdf("arm", bodies))
-    written(columns, folder / "run.csv")
-    rotors = ", rotor_inertia" if side == "motor" else ""
-    text = f"case: 2\nrobot: arm.urdf\nfriction: [coulomb, viscous, offset{rotors}]\n"
-    (folder / "case.yaml").write_text(text)
-    found = examine(read_case(folder / "case.yaml"), str(folder / "run.csv")).findings
+    found = findings_of(columns, urdf("arm", bodies), side, folder)
     loads = [one for one in found if one.name == "load at the flange" and "not determined" not in one.evidence]
     return mass, loads[0] if loads else None
 

@@ -19,10 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.faults import injections as put
-from benchmarks.faults.clean import log, robot, written
+from benchmarks.faults.clean import case_of, log, robot, written
 from benchmarks.faults.trials import Trial, tracked
 from benchmarks.strangers.plant import Body, urdf
-from dynident.case.case import read_case
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.causes.torque_scales import SHARP, JointScale, joint_scales
@@ -91,11 +90,7 @@ def arm(seed: int, folder: Path, named: float = 1.0, leaning: bool = True) -> tu
     built = off(generator, bodies, leaning)
     truth, described = urdf("arm", built, seed), urdf("arm", bodies)
     columns, side = log(generator, bodies, truth)
-    (folder / "arm.urdf").write_text(described)
-    rotors = ", rotor_inertia" if side == "motor" else ""
-    text = f"case: 2\nrobot: arm.urdf\nfriction: [coulomb, viscous, offset{rotors}]\n"
-    (folder / "case.yaml").write_text(text)
-    case, lack = read_case(folder / "case.yaml"), float(10 ** generator.uniform(*LACKS))
+    case, lack = case_of(described, side, folder), float(10 ** generator.uniform(*LACKS))
     return with_errors(generator, Trial(case, columns), lack, named), lack
 
 

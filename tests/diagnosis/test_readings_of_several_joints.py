@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.faults import injections as put
 from benchmarks.faults.all_joints import logs
-from benchmarks.faults.clean import written
+from benchmarks.faults.clean import findings_of
 from benchmarks.faults.trials import Trial, virtual
 
 from dynident.case.case import read_case
@@ -128,12 +128,7 @@ def test_a_unit_of_all_torques_is_told_beside_an_unknown_tool(seed: int, tmp_pat
     every = {kind: made for kind, *made in logs(seed)}
     for kind, factor in (("right with a tool", 0.0), ("tool, torques / 9.81", 1 / 9.81)):
         columns, model, side = every[kind]
-        (tmp_path / "arm.urdf").write_text(model)
-        written(columns, tmp_path / "run.csv")
-        rotors = ", rotor_inertia" * (side == "motor")
-        text = f"case: 2\nrobot: arm.urdf\nfriction: [coulomb, viscous, offset{rotors}]\n"
-        (tmp_path / "case.yaml").write_text(text)
-        found = examine(read_case(tmp_path / "case.yaml"), str(tmp_path / "run.csv")).findings
+        found = findings_of(columns, model, side, tmp_path)
         errors = [one for one in found if one.severity == "error"]
         assert [one.name for one in errors] == ["torque unit"] * bool(factor)
         assert not factor or errors[0].numbers["ratio"] == pytest.approx(factor, rel=0.25)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array
+from dynident.case.evidence.positions import turns_into_limits
 from dynident.errors import BadArgument
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -54,9 +55,9 @@ def motion_of_arrays(
 def _other_unit(joint: Joint, place: int, column: Array) -> str:
     """Return what to do about positions (N,) of a joint far beyond its limits: whole turns too many, or degrees."""
     degrees, limits = "if it is in degrees write q = np.deg2rad(q)", joint.limits
-    turns = round(0.5 * float(column.min() + column.max() - limits.lower - limits.upper) / (2.0 * np.pi))
-    least, most = column.min() - 2.0 * np.pi * turns, column.max() - 2.0 * np.pi * turns
-    if not turns or least < limits.lower or most > limits.upper:
+    shift = turns_into_limits(joint, float(column.min()), float(column.max()))
+    turns = round(-shift / (2.0 * np.pi))
+    if not turns or column.min() + shift < limits.lower or column.max() + shift > limits.upper:
         return degrees
     many = "one turn" if abs(turns) == 1 else f"{abs(turns)} turns"
     step = f"q[..., {place}] {'-+'[turns < 0]}= {2 * abs(turns)} * np.pi"

@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.applications import payload
     from dynident.applications.payload import BeforeRun, vendor_forms
-    from dynident.applications.payload.vendor_forms import unplaced_step
+    from dynident.applications.payload.vendor_forms import unplaced_reason
     from dynident.cli import console, jobs
     from dynident.identification.files.estimate_file import read_estimate
 
@@ -90,12 +90,12 @@ def run(options: argparse.Namespace) -> int:
     if found.placed:
         return 0
     unknown = "" if found.contradiction else f"{', '.join(found.unknown)} not determined well enough: "
-    console.remark(f"error: {', '.join(found.logs)}: {unknown}{unplaced_step(found)}")
+    console.remark(f"error: {', '.join(found.logs)}: {unknown}{unplaced_reason(found)}")
     return 1
 
 
 def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -> None:
-    from dynident.applications.payload.vendor_forms import unplaced_step
+    from dynident.applications.payload.vendor_forms import unplaced_reason
     from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
 
@@ -135,7 +135,7 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
     else:
         unknown = "" if found.contradiction else f"{', '.join(found.unknown)} not determined well enough; "
         console.answer()
-        why = unplaced_step(found)
+        why = unplaced_reason(found)
         console.answer_text(f"no form for controllers: {unknown}{why}")
     for remark in found.remarks:
         if remark != why:

@@ -117,10 +117,8 @@ def next_step(place: str, estimate: Estimate, verdict: Verdict) -> str:
         return "next: correct the log, or the case that reads it (--case), and validate again"
     if verdict.causes:
         return "next: correct the cause, and dynident identify again"
-    if verdict.new is not None and verdict.new.unlike and any(each["findings"] for each in verdict.new.quality or ()):
-        return f"next: {verdict.new.command}"
-    if verdict.new is not None and verdict.new.unlike:
-        return f"next: {verdict.new.step}"
+    if (new := verdict.new) is not None and new.unlike:
+        return f"next: {new.command if any(each['findings'] for each in new.quality or ()) else new.step}"
     if verdict.code:
         return "next: see where it errs (--full), record what is missing (dynident excite), and dynident identify again"
     target = own_target(estimate)

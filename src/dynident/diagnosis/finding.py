@@ -19,6 +19,9 @@ UNLIKE_OTHERS = "unlike other logs"
 #: Name of the finding of joints whose torque the model predicts worse than a constant.
 UNEXPLAINED = "torque not explained"
 
+#: Share of the variation of a joint's torque, root mean squares, from which next to nothing of it is explained.
+LOST = 0.75
+
 #: What follows from a wrong sign, order, scale, coupling or mounting, and is not told beside it.
 CONSEQUENCES = (
     "torque scale",

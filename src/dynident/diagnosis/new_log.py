@@ -78,14 +78,12 @@ def new_log(
         check: Makes the log checks against the estimate.
         is_asked: Whether they are made in any case.
     """
-    told, step = unlike(estimate, test, command)
+    told, step = unlike(estimate, test)  # without the command: where it is told, the checks are made
     worthless = sum(map(_is_worthless, test.joints, estimate.train.joints)), len(test.joints)
     names = [PurePath(name).name for name in test.logs]
     name = ", ".join(names) if len(names) <= NAMED else f"{names[0]} and {len(names) - 1} more"
     error, trained = test.total_relative_error, estimate.train.total_relative_error
     quality = check() if told or 2 * worthless[0] > worthless[1] or is_asked else None
-    if quality is not None:
-        step = unlike(estimate, test)[1]
     is_still = not any(fit.samples for fit in test.moving)
     return NewLog(name, error, trained, told, step, worthless, is_still, quality, command)
 

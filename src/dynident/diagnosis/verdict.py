@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.arrays import finite
 from dynident.case.acceptance import CONDITIONS, CRITERIA, Acceptance
-from dynident.diagnosis.finding import UNLIKE_OTHERS, Severity, listed
+from dynident.diagnosis.finding import LOST, UNLIKE_OTHERS, Severity, listed
 from dynident.diagnosis.new_log import NewLog, unlike
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
@@ -22,9 +22,8 @@ ACCEPTED, NOT_ACCEPTED, NOT_MET, NO_CRITERIA = "accepted", "not accepted", "crit
 #: Share of the torque's variation at a joint that is left of it from which the joint is not explained.
 WORTHLESS = 0.9
 
-#: Share of it from which next to nothing of a joint's torque is explained, and rise of the residual over the fit of
-#: inconsistent links from which consistent ones are why: twice.
-LOST, RISES = 0.75, 1.0
+#: Rise of the residual over the fit of inconsistent links from which consistent ones are why: twice.
+RISES = 1.0
 
 #: Share of the torque that the robot model's own masses leave, beside friction that is fitted, above which it may be
 #: another robot's, and multiple of what those identified leave that it has to be.
@@ -98,7 +97,7 @@ class Verdict:
         apart: Logs of the fit that parameters of the other ones do not explain, by a warning.
         warned: Other findings of the log checks at warning level, each name once with its joints.
         new: What logs that had no part in the fit say, where the verdict is on these.
-        against: What errors say against the fit: a test far beyond the training, a robot model far from the data.
+        against: What relative errors say of the fit: a test far beyond the training, a robot model far from the data.
     """
 
     causes: tuple[ErrorFinding, ...]

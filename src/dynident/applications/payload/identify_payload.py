@@ -20,7 +20,7 @@ from dynident.applications.payload.difference_fit import (
 from dynident.applications.payload.flanges import chosen_end, ends_of, frames_beside
 from dynident.applications.payload.gain_doubt import GainDoubt, gain_doubt, scaled_rows
 from dynident.applications.payload.poses import holding_friction, mostly_standing, posture_log
-from dynident.applications.payload.statement import NO_PAYLOAD, PayloadFit, disagreement, stated, unexplained
+from dynident.applications.payload.statement import PayloadFit, disagreement, stated, unexplained
 from dynident.arrays import Array, IntArray
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
@@ -115,17 +115,19 @@ def identify_payload(
     gains_of = [run.gain() for run in runs.values()] if len(runs) > 1 else [0.0]
     frame, remarks = chosen_end(ends, gains_of)
     remarks = [] if flange else [*remarks, *frames_beside(robot, frame)]
-    names = tuple(log.name for log in logs)
-    found = stated(runs[frame].solve(), estimate, frame, level, names, tuple(remarks))
+    names, fit = tuple(log.name for log in logs), runs[frame].solve()
     if known.mass is None:
+        return stated(fit, estimate, frame, level, names, tuple(remarks))
+    free = _Run(
+        estimate, used, rows, runs[frame].place, replace(beforehand, mass=None, deviation=0.0), progress
+    ).solve()
+    found = stated(fit, estimate, frame, level, names, tuple(remarks), free)
+    alone = stated(free, estimate, frame, 0.95, names).mass
+    told = disagreement(known.mass, known.mass_deviation, alone)
+    if not told:
         return found
-    free = _Run(estimate, used, rows, runs[frame].place, replace(beforehand, mass=None, deviation=0.0), progress)
-    alone = stated(free.solve(), estimate, frame, 0.95, names, ())
-    told = disagreement(known.mass, known.mass_deviation, alone.mass)
-    is_far = abs(alone.mass.value - known.mass) > GAINS * known.mass
-    kept = [one for one in found.remarks if not one.startswith(NO_PAYLOAD)]  # with the mass left open one may
-    said = list(dict.fromkeys(filter(None, (told, alone.contradiction, *kept))))
-    return replace(found, contradiction=told if told and is_far else alone.contradiction, remarks=tuple(said))
+    is_far = abs(alone.value - known.mass) > GAINS * known.mass
+    return replace(found, contradiction=told if is_far else found.contradiction, remarks=(told, *found.remarks))
 
 
 def _gain_deviations(estimate: Estimate, logs: Sequence[Log], deviation: float | None) -> Array | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,9 +35,6 @@ FAR = 10.0
 
 #: Half widths of 95 % from the mass by the log alone beyond which a stated one contradicts it: three deviations.
 APART = 1.5
-
-#: How a remark begins on torque that the payload leaves.
-NO_PAYLOAD = "no payload explains"
 
 #: Share of the torque without the payload (of all joints) that is left with it where far more than by the fit is left:
 #: above it the run has something else than a payload.
@@ -82,9 +79,19 @@ class PayloadFit:
 
 
 def stated(
-    found: PayloadFit, estimate: Estimate, frame: str, level: float, logs: tuple[str, ...], remarks: tuple[str, ...]
+    found: PayloadFit,
+    estimate: Estimate,
+    frame: str,
+    level: float,
+    logs: tuple[str, ...],
+    remarks: tuple[str, ...] = (),
+    free: PayloadFit | None = None,
 ) -> CarriedLoad:
-    """Return the payload with its intervals and verdicts, in a frame of which ``remarks`` tell how it was chosen."""
+    """Return the payload with its intervals and verdicts, in a frame of which ``remarks`` tell how it was chosen.
+
+    With a stated mass the fit that is ``free`` of it tells what torque no payload explains.
+    """
+    unexplained_torque, contradiction = _unexplained(free or found, estimate)
     robot = estimate.model.robot
     closed = np.outer(~found.open, ~found.open)
     covariance = np.where(closed, sum(found.parts.values()), 0.0)
@@ -120,8 +127,8 @@ def stated(
         level=level,
         residual={name: (float(without), float(with_it)) for name, without, with_it in pairs},
         logs=logs,
-        remarks=(*remarks, *_remarks(found, estimate, parameters, distance)),
-        contradiction=_left_over(found, estimate),
+        remarks=(*remarks, *_remarks(found, estimate, parameters, distance, unexplained_torque)),
+        contradiction=contradiction,
     )
 
 
@@ -197,27 +204,20 @@ def _torque_left(found: PayloadFit, estimate: Estimate) -> tuple[int, str] | Non
     if found.rows != "motion" or worst is None:
         return None
     joint = estimate.model.robot.active[worst]
-    text = f"{NO_PAYLOAD} the torque of {joint.name}: {left[worst]:.3g} {joint.unit} are left, "
+    text = f"no payload explains the torque of {joint.name}: {left[worst]:.3g} {joint.unit} are left, "
     return worst, text + f"{estimate.joint_deviations[worst]:.3g} by the fit of the robot; intervals do not hold then"
 
 
-def _left_over(found: PayloadFit, estimate: Estimate) -> str:
-    """Return why no payload is what the run has more than the robot; empty where one explains nearly all of it.
+def _unexplained(found: PayloadFit, estimate: Estimate) -> tuple[list[str], str]:
+    """Return remarks on torque that the payload leaves, and why no payload is what the run has more than the robot.
 
-    All joints count together: one that the payload hardly loads may have another reason, as a hose at a wrist.
+    For that all joints count together: one that the payload hardly loads may have another reason, as a hose at a wrist.
     """
-    _, told = _torque_left(found, estimate) or (0, "")
-    without, left = map(np.linalg.norm, found.residual)
-    return told if left > LEFT * without else ""
-
-
-def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
-    """Return what is to be said where the payload leaves far more torque than the fit of the robot did."""
-    told = _torque_left(found, estimate)
-    if told is None:
-        return []
-    worst, robot, remarks = told[0], estimate.model.robot, [told[1]]
-    joint = robot.active[worst]
+    left = _torque_left(found, estimate)
+    if left is None:
+        return [], ""
+    (worst, told), robot = left, estimate.model.robot
+    joint, remarks = robot.active[worst], [told]
     if found.better is not None:
         link, rest = found.better
         own = robot.links[link].name
@@ -225,7 +225,8 @@ def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
         text = f"a payload on {own} explains the torques far better, that of {joint.name} to {rest[worst]:.3g} "
         remarks.insert(0, f"{text}{joint.unit}: --flange {flange}; or the mounting or a zero is not that of the fit "
                           "('dynident check CASE LOG --against ESTIMATE' looks)")  # fmt: skip
-    return remarks
+    before, after = map(np.linalg.norm, found.residual)
+    return remarks, told if after > LEFT * before else ""
 
 
 def disagreement(mass: float, deviation: float, alone: LoadParameter) -> str:
@@ -257,14 +258,18 @@ def mass_doubt(mass: LoadParameter) -> str:
 
 
 def _remarks(
-    found: PayloadFit, estimate: Estimate, parameters: tuple[LoadParameter, ...], distance: float
+    found: PayloadFit,
+    estimate: Estimate,
+    parameters: tuple[LoadParameter, ...],
+    distance: float,
+    unexplained_torque: Sequence[str],
 ) -> tuple[str, ...]:
     remarks = list(filter(None, [mass_doubt(parameters[9])]))
     if found.loads is not None:
         low, high = found.loads
         text = f"the load is not the same all along: {low:.2g} to {high:.2g} kg in parts of the log; "
         remarks.append(text + "'dynident track ESTIMATE LOG' finds when it changes")
-    remarks += _unexplained(found, estimate)
+    remarks += unexplained_torque
     count = int(np.sum(~found.open))
     if count and chi_square_tail(distance**2, count) < UNLIKELY:
         text = f"no body is as found: the nearest is {distance:.3g} standard deviations away; friction or drive gains "

@@ -17,7 +17,7 @@ from dynident.errors import BadOption
 from dynident.model.inertia import Inertia
 
 
-def unplaced_step(load: CarriedLoad) -> str:
+def unplaced_reason(load: CarriedLoad) -> str:
     """Return why the mass is none that a load has or that the log tells; else what to do for a better log."""
     if doubt := load.contradiction or mass_doubt(load.mass):
         return doubt
@@ -36,7 +36,7 @@ def vendor_forms(load: CarriedLoad) -> dict[str, str]:
         BadOption: Mass or centre of mass are not determined.
     """
     if not load.placed:
-        raise BadOption("payload", f"{', '.join(load.unknown)} not determined well enough", unplaced_step(load))
+        raise BadOption("payload", f"{', '.join(load.unknown)} not determined well enough", unplaced_reason(load))
     return forms_of(load.body, load.inertia_known)
 
 

@@ -21,6 +21,7 @@ from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, as_stated, judged
 from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.finding import LOST
 from dynident.identification.problem.regressor_stream import motion_of
 
 #: Ridges that are tried, as shares of the squares of a joint's column: many parameters need a strong one.
@@ -33,10 +34,9 @@ LEFT, GAIN, SURE, SUSPECTED = 0.1, 1.0, 3.0, 0.25
 #: Share of what is left, root mean squares, below which known causes explain most of it: half of the variance.
 MOST = 0.7
 
-#: Share of a torque, root mean squares, from which the model explains next to nothing of it; share of the variance that
-#: it or a constant leaves, which a regression on the motion leaves at most where the torque follows the motion, and
-#: stretches of the log, each predicted by the regression of the others.
-WORTHLESS, FOLLOWS, STRETCHES = 0.75, 0.5, 4
+#: Share of the variance that the model or a constant leaves, which a regression on the motion leaves at most where the
+#: torque follows the motion, and stretches of the log, each predicted by the regression of the others.
+FOLLOWS, STRETCHES = 0.5, 4
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def unpredicted(fit: QuickFit, known: Sequence[Blame] = ()) -> dict[int, tuple[f
     plain = _regression(fit, ones)
     model, constant = (held.errors(each).sum(axis=0) for each in (reading, plain))
     worst = np.max(model / np.maximum(constant, 1e-300))  # a joint that is not explained spoils others a little
-    worse = np.flatnonzero(model > (1.0 if worst > 1.0 else WORTHLESS**2) * constant).tolist()
+    worse = np.flatnonzero(model > (1.0 if worst > 1.0 else LOST**2) * constant).tolist()
     if not worse:
         return {}
     left, whole = (_by_stretches(each) for each in (_regression(fit, by_motion), plain))

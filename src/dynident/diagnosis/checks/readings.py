@@ -27,7 +27,7 @@ from dynident.diagnosis.causes.couplings import best_coupling
 from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, degrees_off
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.robot_misfit import LEFT, WORTHLESS, RobotMisfit, robot_misfit, unpredicted
+from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, robot_misfit, unpredicted
 from dynident.diagnosis.causes.several_scales import ALIKE, inverted_gains, nominal_agreement, several_scales
 from dynident.diagnosis.causes.signs_of_all import READING_CONSEQUENCES, driven_joints
 from dynident.diagnosis.causes.torque_scales import other_scales, reading_of
@@ -35,7 +35,7 @@ from dynident.diagnosis.causes.trend_findings import believed, is_grave, is_narr
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import CONSEQUENCES, UNEXPLAINED, Finding, Severity, listed
+from dynident.diagnosis.finding import CONSEQUENCES, LOST, UNEXPLAINED, Finding, Severity, listed
 from dynident.model.robot import Robot
 
 #: Relative residuals above which a joint is not explained: of any log, and of one that would be another robot's.
@@ -178,7 +178,7 @@ def _another_robot(misfit: RobotMisfit, fit: QuickFit, severity: Severity) -> Fi
 def _not_explained(subject: CheckedLog, misfit: RobotMisfit) -> list[Finding]:
     """Return what is said of joints of whose torque next to nothing is explained, beside causes with a sure figure."""
     trends = subject.trends
-    if trends is None or not (misfit.joints > WORTHLESS).any():
+    if trends is None or not (misfit.joints > LOST).any():
         return []
     causes = [one for one in trends.blames if believed(one, subject.trend_scale) and is_narrow(one)]
     joints, names = unpredicted(trends.fit, causes), trends.fit.model.robot.joint_names
