@@ -127,6 +127,17 @@ def test_an_estimate_that_misses_its_criteria_is_not_praised(
     assert ("very good" in found["sentences"][0]) == (tones[0] == "good")
 
 
+def test_an_estimate_with_warnings_is_not_praised(case: tuple[Estimate, Validation]) -> None:
+    """A report had said "very good" under a verdict of which the first word is "Warnings"."""
+    subject = known_to(with_errors(case, 0.03, [0.04]), [])
+    finding = {"name": "time jitter", "severity": "warning", "joint": "", "evidence": "e", "remedy": "r"}
+    quality = [{"path": "run.csv", "findings": [finding]}]
+    known = {**subject.estimate.provenance, "log_quality": quality}
+    found = context("verdict", replace(subject, estimate=replace(subject.estimate, provenance=known)))
+    assert found["word"] == "Warnings" and "very good" not in found["sentences"][0]
+    assert [answer.tone for answer in found["answers"]] == ["fair"] * 3
+
+
 def test_the_verdict_says_what_the_rows_at_rest_do(case: tuple[Estimate, Validation]) -> None:
     subject = with_errors(case, 0.03, [0.3])
     (test,) = subject.tests

@@ -62,20 +62,27 @@ def answer(text: str = "") -> None:
 
 def answer_text(text: str) -> None:
     """Print a line of prose: on a terminal as lines that end between words, set in as it is; elsewhere as one line."""
-    if not sys.stdout.isatty():
-        answer(text)
-        return
-    from dynident.results.table_width import wrap_text
-
-    own = text[: len(text) - len(text.lstrip())]
-    for line in wrap_text(text.strip(), max(line_width() - len(own), 20), break_long_words=False) or [""]:
-        answer(own + line)
+    _say_prose(text, sys.stdout)
 
 
 def remark(text: str, quiet: bool = False) -> None:
-    """Print a remark that is no answer."""
+    """Print a remark that is no answer, as prose."""
     if not quiet:
-        _say(text, sys.stderr)
+        _say_prose(text, sys.stderr)
+
+
+def _say_prose(text: str, stream: TextIO) -> None:
+    """Print lines of prose: on a terminal broken between words, set in as each is; elsewhere as they are."""
+    if not stream.isatty():
+        _say(text, stream)
+        return
+    from dynident.results.table_width import wrap_text
+
+    columns = shutil.get_terminal_size().columns
+    for line in text.split("\n"):
+        own = line[: len(line) - len(line.lstrip())]
+        for part in wrap_text(line.strip(), max(columns - len(own), 20), break_long_words=False) or [""]:
+            _say(own + part, stream)
 
 
 def line_width() -> int:

@@ -99,13 +99,13 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
     from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
 
-    rows = []
+    rows, stated = [], "stated, contradicted" if found.contradiction else "stated"
     for one in (found.mass, *found.centre, *found.parameters[:9]):
         shown = (MISSING, MISSING)
         if one.label != "not determined":
             shown = (format_value(one.value, one.half_width)[0], format_number(one.half_width, 2))
         if one is found.mass and weighed:
-            rows.append((one.name, f"{weighed:.10g}", MISSING, pretty_unit(one.unit), "stated"))
+            rows.append((one.name, f"{weighed:.10g}", MISSING, pretty_unit(one.unit), stated))
             continue
         rows.append((one.name, *shown, pretty_unit(one.unit), one.verdict))
     columns = (

@@ -263,6 +263,8 @@ def test_a_stated_mass_that_the_log_contradicts_is_not_obeyed(robot: Robot, esti
     weighed = identify_payload(estimate, [log]).mass.value
     found = identify_payload(estimate, [log], known=BeforeRun(mass=0.5 * weighed, mass_deviation=0.01))
     assert f"which contradicts the stated {0.5 * weighed:g} kg" in found.contradiction and not found.placed
+    numbers = (*found.parameters, *found.centre)
+    assert {one.label for one in numbers} <= {"contradicted", "weak"} and found.mass.label == "contradicted"
     with pytest.raises(BadOption, match="the log alone weighs"):
         vendor_forms(found)
     for mass, told in ((weighed, False), (1.05 * weighed, True)):  # within what scales of the torques may make

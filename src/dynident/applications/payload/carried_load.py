@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from dynident.arrays import Array
 from dynident.model.inertia import TEN, Inertia
 
 IDENTIFIED, WEAK, NOT_DETERMINED, IMPOSSIBLE = "identified", "weak", "not determined", "impossible"
+CONTRADICTED = "contradicted"
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class LoadParameter:
         half_width: Half the width of its interval; infinite where it is not determined.
         unit: kg, kg m, kg m^2 or m.
         label: ``identified``, ``weak`` (the interval is wider than what payloads of its mass differ by),
-            ``not determined``, or ``impossible`` where the mass is below 0 for sure.
+            ``not determined``, ``impossible`` where the mass is below 0 for sure, or ``contradicted`` where the log
+            contradicts a stated mass, or any payload.
     """
 
     name: str
@@ -123,7 +125,15 @@ class CarriedLoad:
     @property
     def unknown(self) -> tuple[str, ...]:
         """Names of mass and coordinates of the centre of mass that are not identified; all with a contradicted mass."""
-        return tuple(one.name for one in (self.mass, *self.centre) if self.contradiction or not one.known)
+        return tuple(one.name for one in (self.mass, *self.centre) if not one.known)
+
+    def contradicted(self, why: str) -> CarriedLoad:
+        """Return it with nothing identified, as the log contradicts a stated mass or any payload; empty for no reason."""
+        if not why:
+            return self
+        told = [replace(one, label=CONTRADICTED) if one.known else one for one in (*self.parameters, *self.centre)]
+        count = len(self.parameters)
+        return replace(self, parameters=tuple(told[:count]), centre=tuple(told[count:]), contradiction=why)
 
     def figures(self) -> dict[str, Any]:
         """Return everything as plain data."""

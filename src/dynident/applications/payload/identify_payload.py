@@ -127,7 +127,7 @@ def identify_payload(
     if not told:
         return found
     is_far = abs(alone.value - known.mass) > GAINS * known.mass
-    return replace(found, contradiction=told if is_far else found.contradiction, remarks=(told, *found.remarks))
+    return replace(found, remarks=(told, *found.remarks)).contradicted(told if is_far else "")
 
 
 def _gain_deviations(estimate: Estimate, logs: Sequence[Log], deviation: float | None) -> Array | None:

@@ -112,7 +112,7 @@ def stated(
     placement = np.eye(4)
     placement[:3, :3], placement[:3, 3] = rotation, translation
     pairs = zip(robot.joint_names, *found.residual, strict=True)
-    return CarriedLoad(
+    load = CarriedLoad(
         frame=frame,
         link=robot.links[link].name,
         placement=placement,
@@ -128,8 +128,8 @@ def stated(
         residual={name: (float(without), float(with_it)) for name, without, with_it in pairs},
         logs=logs,
         remarks=(*remarks, *_remarks(found, estimate, parameters, distance, unexplained_torque)),
-        contradiction=contradiction,
     )
+    return load.contradicted(contradiction)
 
 
 def _degrees(found: PayloadFit, total: Array) -> Array:

@@ -61,7 +61,7 @@ class VerdictSection(ReportSection):
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate, judged = subject.estimate, subject.verdict
         answers = [_prediction(subject), _consistency(estimate), _knowledge(estimate)]
-        if judged.word not in _TONES:  # figures of an estimate that is not accepted praise nothing
+        if not _is_praised(judged):
             answers = [replace(answer, tone=_WITHOUT_PRAISE.get(answer.tone, answer.tone)) for answer in answers]
         shown = _worst_data(subject)
         return {
@@ -86,7 +86,12 @@ def _word(judged: Verdict) -> str:
         return judged.word.capitalize()
     if not judged.is_checked:
         return "Logs not checked"
-    return "Warnings" if judged.warned or judged.apart or judged.against else "Log checks passed"
+    return "Log checks passed" if _is_praised(judged) else "Warnings"
+
+
+def _is_praised(judged: Verdict) -> bool:
+    """Return whether figures may be called good: not those of an estimate that is not accepted, or has warnings."""
+    return judged.word in _TONES and not (judged.warned or judged.apart or judged.against)
 
 
 def _worst_data(subject: Subject) -> Dataset | None:
@@ -160,7 +165,7 @@ def _about_prediction(subject: Subject) -> list[str]:
     if not subject.held_out:
         return [f"The training error is {format_percent(train)} of the measured torque.", _untested(subject)]
     worst = _worst(subject)
-    graded = f": {grade(worst)}" if subject.verdict.word in _TONES else ""
+    graded = f": {grade(worst)}" if _is_praised(subject.verdict) else ""
     said = [f"The test error is {format_percent(worst)} of the measured torque{graded}."]
     tests = [dataset.validation for dataset in subject.held_out]
     resting = [test for test in tests if test.rests]
