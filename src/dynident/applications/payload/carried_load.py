@@ -128,7 +128,7 @@ class CarriedLoad:
         return tuple(one.name for one in (self.mass, *self.centre) if not one.known)
 
     def contradicted(self, why: str) -> CarriedLoad:
-        """Return it with nothing identified, as the log contradicts a stated mass or any payload; empty for no reason."""
+        """Return it with nothing identified for a reason, as the log contradicts a stated mass; itself without one."""
         if not why:
             return self
         told = [replace(one, label=CONTRADICTED) if one.known else one for one in (*self.parameters, *self.centre)]
