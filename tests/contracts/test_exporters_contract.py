@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -91,12 +91,10 @@ def printed(plan: Plan, name: str, **asked: Any) -> Printed:
     return content.printed
 
 
-def test_a_part_is_a_frozen_dataclass_that_says_what_it_takes(name: str) -> None:
+def test_a_part_says_what_it_takes_and_writes(name: str) -> None:
     part = MOTION_EXPORTERS.make(name)
-    assert isinstance(part, Exporter) and is_dataclass(part) and part.takes == "plan"
+    assert isinstance(part, Exporter) and part.takes == "plan"
     assert bool(part.suffix) != part.writes_folder and part.proof
-    with pytest.raises((FrozenInstanceError, TypeError)):
-        part.takes = "estimate"  # type: ignore[misc]
 
 
 @pytest.mark.parametrize(("speed", "repeats"), [(1.0, 1), (0.37, 2), (0.1, 1)])
@@ -229,8 +227,3 @@ def test_a_part_of_another_kind_is_refused(tmp_path: Path) -> None:
         export_motion(plan_of(6), MODEL_EXPORTERS.make("csv"), tmp_path / "x")  # type: ignore[arg-type]
     with pytest.raises(BadOption, match="has the options"):
         export_motion(plan_of(6), MOTION_EXPORTERS.make("csv", {"radians": True}), tmp_path / "x")
-
-
-def test_no_part_keeps_an_option_without_a_default(name: str) -> None:
-    assert all(option.default is not None or "None" in option.kind for option in MOTION_EXPORTERS.options(name))
-    assert len(fields(MOTION_EXPORTERS.get(name))) == len(MOTION_EXPORTERS.options(name))  # type: ignore[arg-type]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import FrozenInstanceError, is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,13 +64,10 @@ def away(found: ModelExport) -> float:
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_a_part_is_a_frozen_dataclass_with_defaults(name: str) -> None:
+def test_a_part_says_what_it_takes_and_writes(name: str) -> None:
     part = MODEL_EXPORTERS.make(name)
-    assert isinstance(part, Exporter) and is_dataclass(part) and part.takes == "estimate"
+    assert isinstance(part, Exporter) and part.takes == "estimate"
     assert part.suffix.startswith(".") and not part.writes_folder
-    with pytest.raises((FrozenInstanceError, TypeError)):
-        part.takes = "plan"  # type: ignore[misc]
-    assert all(option.default is not None or "None" in option.kind for option in MODEL_EXPORTERS.options(name))
 
 
 @pytest.mark.parametrize("name", PARTS)

@@ -69,14 +69,6 @@ def test_the_basis_is_the_motion_and_its_first_function_is_constant(kind: str) -
     assert np.linalg.matrix_rank(basis[0]) == shape.count
 
 
-def test_each_derivative_is_that_of_the_one_before(kind: str) -> None:
-    _, motion = motion_of(parametrise(kind, 3.0, 3), 1)
-    time, step = np.linspace(0.011, 2.98, 60), 1e-5
-    exact, above, below = signals(motion, time), signals(motion, time + step), signals(motion, time - step)
-    for order in range(3):
-        np.testing.assert_allclose((above[order] - below[order]) / (2 * step), exact[order + 1], rtol=1e-5, atol=1e-3)
-
-
 @pytest.mark.parametrize("name", KINDS)
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**6), harmonics=st.integers(2, 7), period=st.floats(0.5, 40.0))

@@ -22,7 +22,7 @@ from dynident.data.formats import (
     written_columns,
 )
 from dynident.data.log import Log
-from dynident.errors import DynidentError, FileError, LogFormatError
+from dynident.errors import LogFormatError
 
 N = 50
 
@@ -159,27 +159,6 @@ def test_python_objects_are_refused(tmp_path: Path) -> None:
     np.savez(path, q=np.array([{"a": 1}] * N, dtype=object), allow_pickle=True)
     with pytest.raises(LogFormatError, match="holds Python objects"):
         read_log(path)
-
-
-@pytest.mark.parametrize("suffix", [".npz", ".parquet", ".mat"])
-@pytest.mark.parametrize(
-    "content", [b"", b"PK\x03\x04", b"PAR1", b"\x89HDF\r\n\x1a\n", b"MATLAB 5.0 MAT-file" + b"x" * 200]
-)
-def test_damaged_files_are_named(tmp_path: Path, suffix: str, content: bytes) -> None:
-    path = tmp_path / f"run{suffix}"
-    path.write_bytes(content)
-    with pytest.raises(DynidentError, match=r"run\.") as caught:
-        read_log(path)
-    assert isinstance(caught.value, LogFormatError)
-
-
-@pytest.mark.parametrize("suffix", [".npz", ".parquet", ".mat"])
-def test_folders_and_missing_files(tmp_path: Path, suffix: str) -> None:
-    with pytest.raises(FileError, match="no such file"):
-        read_log(tmp_path / f"nothing{suffix}")
-    (tmp_path / f"folder{suffix}").mkdir()
-    with pytest.raises(FileError, match="this is a folder"):
-        read_log(tmp_path / f"folder{suffix}")
 
 
 def test_arrays_without_a_log(tmp_path: Path) -> None:

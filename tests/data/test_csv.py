@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from dynident.applications.monitor.live_rows import live_rows
 from dynident.data.formats import (
-    FORMATS,
     ColumnMap,
     Units,
     _text_table,
@@ -27,7 +26,7 @@ from dynident.data.formats import (
 from dynident.data.formats._text_table import open_table
 from dynident.data.formats.csv import Csv
 from dynident.data.log import Log
-from dynident.errors import BadOption, DynidentError, FileError, LogFormatError, LogMismatch, UnknownChoice
+from dynident.errors import BadOption, DynidentError, FileError, LogFormatError, UnknownChoice
 
 ROWS = 12
 
@@ -349,17 +348,6 @@ def test_a_file_over_the_cap_is_refused_before_it_is_read(tmp_path, monkeypatch)
         read_log(path)
 
 
-def test_folders_and_missing_files(tmp_path):
-    (tmp_path / "folder.csv").mkdir()
-    for name, message in (
-        ("folder.csv", "this is a folder; give a file"),
-        ("missing.csv", "there is no such file; check the path"),
-    ):
-        with pytest.raises(FileError) as caught:
-            read_log(tmp_path / name)
-        assert str(caught.value) == f"{tmp_path / name}: {message}"
-
-
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
@@ -518,22 +506,9 @@ def test_a_damaged_file_is_a_log_or_an_error_on_one_line(tmp_path_factory, damag
         assert np.all(np.diff(log.time) > 0)
 
 
-def test_a_log_with_a_value_that_is_not_finite_is_not_written(tmp_path):
-    log = Log(("a",), np.arange(3.0), np.array([[0.0], [np.nan], [1.0]]))
-    with pytest.raises(LogMismatch, match="q1 of sample 2 is not finite"):
-        write_log(log, tmp_path / "run.csv")
-    assert not any(tmp_path.iterdir())
-
-
 def test_the_header_alone_is_read_too(tmp_path):
     path = saved(tmp_path, ["# note", "t; q1 ;tau", "no numbers; needed; here"])
     assert read_header(path) == ("t", "q1", "tau")
-
-
-def test_the_family_knows_its_part():
-    assert "csv" in FORMATS.names()
-    assert FORMATS.get("csv") is Csv
-    assert [option.name for option in FORMATS.options("csv")] == ["decimal", "names"]
 
 
 def stamped_table(stamps, **kind):

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from dynident.data.log import Log
-from dynident.data.preprocessing import FILTERS, Preprocessing, at_rest, preprocess, resample
+from dynident.data.preprocessing import Preprocessing, at_rest, preprocess, resample
 from dynident.data.preprocessing.butterworth import Butterworth, central_differences
 from dynident.data.preprocessing.five_point import FivePoint, five_point_smoothing
 from dynident.data.preprocessing.fourier_fit import FourierFit, fourier_basis
-from dynident.errors import BadOption, LogMismatch, UnknownChoice
+from dynident.errors import BadOption, LogMismatch
 from dynident.excitation.trajectories.fourier import FourierSeries
 
 SMALL = st.floats(-10, 10)
@@ -456,10 +456,3 @@ def test_a_trim_that_leaves_nothing():
         "simulated log: its 0.495 s are too short: 0 of 100 samples are left after 3 s trimmed at each end; "
         "give a longer log, or trim less"
     )
-
-
-def test_the_family_knows_its_parts():
-    assert {"butterworth", "five_point", "fourier_fit"} <= set(FILTERS.names())
-    assert [option.name for option in FILTERS.options("five_point")] == ["repeats"]
-    with pytest.raises(UnknownChoice, match="did you mean 'butterworth'"):
-        FILTERS.get("buterworth")

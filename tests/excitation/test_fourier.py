@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from dynident.errors import BadOption
-from dynident.excitation.trajectories import TRAJECTORIES
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.excitation.trajectories.quintic import Quintic
 from dynident.studies.er16_article import BETA_1, BETA_2, PERIOD
@@ -23,12 +22,6 @@ def random_series(seed=0, joints=3, harmonics=4, period=7.0):
     return FourierSeries(generator.normal(size=joints), sine, cosine, period)
 
 
-def derivative(function, time, step):
-    """Return the derivative of a function of time by a five-point central difference."""
-    far, near = function(time + 2 * step) - function(time - 2 * step), function(time + step) - function(time - step)
-    return (8 * near - far) / (12 * step)
-
-
 def test_positions_are_equation_14_term_by_term():
     series = random_series()
     for t in (0.0, 0.3, 5.1, -2.0, 40.0):
@@ -38,30 +31,6 @@ def test_positions_are_equation_14_term_by_term():
             for k in range(1, 5):
                 q += series.sine[i, k - 1] * np.sin(k * w * t) + series.cosine[i, k - 1] * np.cos(k * w * t)
             assert series.evaluate(t)[0][0, i] == pytest.approx(q, abs=1e-13)
-
-
-@pytest.mark.parametrize(
-    "trajectory",
-    [random_series(), Quintic(np.arange(6.0).reshape(3, 2), np.ones((3, 2)), 2.5)],
-    ids=["fourier", "quintic"],
-)
-def test_each_derivative_is_that_of_the_one_before(trajectory):
-    time = np.linspace(0, trajectory.duration, 57)
-    q, dq, ddq = trajectory.evaluate(time)
-    jerk = trajectory.jerk(time)
-    assert q.shape == dq.shape == ddq.shape == jerk.shape == (57, trajectory.joints)
-    for order, exact in enumerate((dq, ddq, jerk)):
-        found = derivative(lambda t, order=order: trajectory.evaluate(t)[order], time, 1e-3)
-        np.testing.assert_allclose(found, exact, atol=1e-8)
-
-
-@given(arrays(float, (2, 7), elements=SMALL), st.floats(0.5, 50.0), st.floats(-100.0, 100.0))
-def test_a_series_repeats_itself_and_its_mean_is_its_offset(rows, period, time):
-    series = FourierSeries.from_table(rows, period)
-    for now, later in zip(series.evaluate(time), series.evaluate(time + period), strict=True):
-        np.testing.assert_allclose(now, later, atol=1e-9 * (2 * np.pi * 3 / period + 1) ** 3)
-    whole = series.evaluate(np.arange(64) / 64 * period)[0]
-    np.testing.assert_allclose(whole.mean(axis=0), rows[:, 0], atol=1e-12)
 
 
 @given(arrays(float, (3, 11), elements=SMALL), st.floats(0.5, 50.0))
@@ -98,12 +67,6 @@ def test_tables_that_are_none(rows, message):
     assert str(caught.value) == message
 
 
-@pytest.mark.parametrize("period", [0.0, -1.0, np.inf, np.nan])
-def test_periods_that_are_none(period):
-    with pytest.raises(BadOption, match="give the period in s, above 0"):
-        FourierSeries.from_table(BETA_1, period)
-
-
 def test_a_series_is_frozen_and_checks_its_shapes():
     series = random_series()
     with pytest.raises(ValueError, match="read-only"):
@@ -137,8 +100,3 @@ def test_a_run_in_from_rest_joins_the_motion_without_a_swing_back(speed, acceler
 def test_a_quintic_takes_time():
     with pytest.raises(BadOption, match="give seconds, above 0"):
         Quintic(np.zeros((3, 1)), np.ones((3, 1)), 0.0)
-
-
-def test_the_family_knows_its_parts():
-    assert TRAJECTORIES.names() == ("bspline", "fourier", "quintic", "rest_fourier")
-    assert TRAJECTORIES.get("fourier") is FourierSeries

@@ -4,28 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.excitation.design.parametrisation import kind_of, of_table, parametrise
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.excitation.trajectories.rest_fourier import RestFourier, rest_map
 
 
 def free(seed: int, harmonics: int = 4, joints: int = 2) -> Array:
     return np.random.default_rng(seed).normal(size=(joints, 2 * harmonics - 1))
-
-
-@given(st.integers(0, 1000), st.integers(2, 8), st.floats(0.5, 50.0))
-def test_it_is_at_rest_at_both_ends_of_every_period(seed: int, harmonics: int, period: float) -> None:
-    motion = RestFourier.from_free(free(seed, harmonics), period)
-    q, dq, ddq = motion.evaluate([0.0, period, 3 * period])
-    pulsation = 2 * np.pi / period * harmonics
-    np.testing.assert_allclose(dq, 0.0, atol=1e-11 * pulsation)
-    np.testing.assert_allclose(ddq, 0.0, atol=1e-11 * pulsation**2)
-    np.testing.assert_allclose(q, np.broadcast_to(q[0], q.shape), atol=1e-11)
 
 
 @pytest.mark.parametrize("harmonics", [2, 3, 5, 9])
@@ -43,14 +30,6 @@ def test_the_map_is_orthonormal_and_reaches_every_series_at_rest(harmonics: int)
             rows.append(row)
     span = np.array(rows)
     np.testing.assert_allclose(found @ (found.T @ span.T), span.T, atol=1e-10)
-
-
-def test_velocity_acceleration_and_jerk_are_derivatives() -> None:
-    motion = RestFourier.from_free(free(1), 3.0)
-    time, step = np.linspace(0, 3, 40), 1e-5
-    above, below = motion.evaluate(time + step), motion.evaluate(time - step)
-    for order, exact in enumerate([*motion.evaluate(time)[1:], motion.jerk(time)]):
-        np.testing.assert_allclose((above[order] - below[order]) / (2 * step), exact, rtol=1e-6, atol=1e-4)
 
 
 def test_it_is_the_plain_series_of_the_same_numbers() -> None:
@@ -80,19 +59,3 @@ def test_arguments_that_cannot_be() -> None:
         RestFourier.from_free(free(0), 0.0)
     with pytest.raises(BadOption, match="offset = nan"):
         RestFourier(np.array([np.nan]), np.zeros((1, 2)), np.zeros((1, 2)), 1.0)
-
-
-@pytest.mark.parametrize("kind", ["fourier", "rest_fourier"])
-def test_a_parametrisation_gives_the_motion_of_its_trajectory(kind: str) -> None:
-    shape = parametrise(kind, 6.0, 3)
-    numbers = np.random.default_rng(3).normal(size=(2, shape.count))
-    motion = shape.trajectory(numbers)
-    time = np.linspace(0, 6, 25)
-    basis = shape.basis(time)
-    for order, signal in enumerate([*motion.evaluate(time), motion.jerk(time)]):
-        np.testing.assert_allclose(basis[order] @ numbers.T, signal, atol=1e-10)
-    np.testing.assert_array_equal(basis[0][:, 0], 1.0)
-    table = np.hstack([motion.offset[:, None], motion.sine, motion.cosine])
-    again = of_table(kind_of(motion), table, 6.0)
-    assert type(again) is type(motion) and kind_of(motion) == kind
-    np.testing.assert_array_equal(again.evaluate(time), motion.evaluate(time))

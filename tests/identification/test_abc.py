@@ -10,7 +10,6 @@ from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing
 from dynident.data.preprocessing.fourier_fit import FourierFit
 from dynident.errors import BadOption
-from dynident.identification.estimators import ESTIMATORS
 from dynident.identification.estimators.abc import ArtificialBeeColony
 from dynident.identification.problem.problem import Problem, make_problem
 from dynident.identification.search.colony import Draws, draw, search
@@ -268,13 +267,6 @@ def test_noise_free_data_have_no_relative_gap(spatial_3r, exact_log):
         run = ArtificialBeeColony(norm=norm, iterations=5).solve(exact).run
         assert run.gap is None
         assert run.optimum < 1e-6 * run.objective
-
-
-def test_the_family_finds_the_estimator():
-    assert ESTIMATORS.get("abc") is ArtificialBeeColony
-    options = {option.name: option for option in ESTIMATORS.options("abc")}
-    assert (options["colony"].default, options["limit"].default, options["iterations"].default) == (30, 15, 50)
-    assert all(option.help for option in options.values())
 
 
 @pytest.mark.parametrize(

@@ -336,14 +336,6 @@ def test_pull_is_the_price_of_leaving_the_prior(planar_2r: Robot, exact_log: Mak
     assert above[0] <= above[1] <= above[2] and above[0] < 1e-5
 
 
-def test_solution_is_repeatable_and_leaves_the_problem_alone(spatial_3r: Robot, exact_log: MakeLog) -> None:
-    model = model_of(spatial_3r, "viscous")
-    problem = build_problem(model, [exact_log(model, theta_of(model), noise=0.5)], GIVEN)
-    one, again = FREE.solve(problem), FREE.solve(problem)
-    np.testing.assert_array_equal(one.beta, again.beta)
-    np.testing.assert_array_equal(one.weights, WLS().solve(problem).weights)
-
-
 def test_a_problem_without_a_residual(planar_2r: Robot) -> None:
     """As many rows as parameters: nothing is left over, and the fit still finds the truth."""
     model = model_of(planar_2r)

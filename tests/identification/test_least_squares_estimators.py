@@ -96,18 +96,6 @@ def test_wls_does_not_care_about_the_unit_of_a_joint(sliding_arm: Robot, exact_l
         assert WLS().solve(scaled).run == WLS().solve(problem).run  # it ends by the relative change
 
 
-@pytest.mark.parametrize("estimator", [OLS(), WLS()], ids=["ols", "wls"])
-@pytest.mark.parametrize("arm", ARMS)
-def test_exact_data_give_the_truth(
-    arm: str, estimator: OLS | WLS, request: pytest.FixtureRequest, exact_log: MakeLog
-) -> None:
-    model = model_of(request.getfixturevalue(arm))
-    theta = theta_of(model)
-    problem = build_problem(model, [exact_log(model, theta)], GIVEN)
-    truth = problem.base.from_standard(theta)
-    np.testing.assert_allclose(estimator.solve(problem).beta, truth, atol=1e-9 * np.abs(truth).max())
-
-
 def test_wls_beats_ols_where_noise_differs(spatial_3r: Robot, exact_log: MakeLog) -> None:
     model = model_of(spatial_3r, "coulomb", "viscous", "offset")
     theta = theta_of(model)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, UnknownChoice
@@ -18,7 +15,6 @@ from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.viscous import Viscous
 from dynident.model.joint import Drive
-from dynident.model.kernels import batched
 from dynident.model.robot import Link, Robot
 
 ALL = tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset", "rotor_inertia"))
@@ -45,56 +41,6 @@ def test_torque_is_the_regressor_times_theta(arm: str, has_friction: bool, reque
     np.testing.assert_allclose(
         regressor @ theta + model.known_torque(motion), model.torque(motion, theta), rtol=1e-10, atol=1e-9
     )
-
-
-@settings(deadline=None, max_examples=15)
-@given(seed=st.integers(0, 10_000), links=st.integers(1, 5))
-def test_torque_is_linear_in_theta_on_any_tree(random_tree: Callable[..., Robot], seed: int, links: int) -> None:
-    model = DynamicModel(random_tree(seed, links), ALL)
-    motion = model.random_motion(5, seed)
-    one, other = random_theta(model, seed), random_theta(model, seed + 1)
-    both = model.torque(motion, 2.0 * one - 3.0 * other)
-    parts = 2.0 * model.torque(motion, one) - 3.0 * model.torque(motion, other)
-    np.testing.assert_allclose(both, parts, atol=1e-9 * (1 + np.abs(parts).max()))
-
-
-def pinocchio_of(robot: Robot) -> tuple[object, object]:
-    pin = pytest.importorskip("pinocchio")
-    model = pin.Model()
-    model.gravity.linear = robot.gravity.copy()
-    for joint, link in zip(robot.joints, robot.links, strict=True):
-        kind = pin.JointModelPrismaticUnaligned if joint.kind == "prismatic" else pin.JointModelRevoluteUnaligned
-        pose = pin.SE3(joint.rotation.copy(), joint.translation.copy())
-        index = model.addJoint(joint.parent + 1, kind(joint.axis.copy()), pose, joint.name)
-        body = link.inertia
-        assert body is not None
-        model.appendBodyToJoint(
-            index, pin.Inertia(body.mass, body.centre_of_mass, body.about_centre), pin.SE3.Identity()
-        )
-    return pin, model
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_pinocchio_agrees_with_rotors_as_armature(random_tree: Callable[..., Robot], seed: int) -> None:
-    robot = random_tree(seed, 6)
-    robot = robot.with_drives({f"joint{i}": Drive(50.0, 1e-5 * i) for i in range(1, 7)})
-    pin, theirs = pinocchio_of(robot)
-    data = theirs.createData()  # type: ignore[attr-defined]
-    model = DynamicModel(robot)
-    motion = model.random_motion(10, seed)
-    assert robot.nominal is not None
-    ours = model.torque(motion, robot.nominal)
-    # Pinocchio orders the joints of a tree depth first.
-    order = [theirs.joints[theirs.getJointId(joint.name)].idx_v for joint in robot.joints]  # type: ignore[attr-defined]
-    armature = np.zeros(6)
-    armature[order] = np.diag(robot.reflected_inertia)
-    theirs.armature = armature  # type: ignore[attr-defined]
-    for k in range(10):
-        signals = [np.zeros(6) for _ in range(3)]
-        for signal, values in zip(signals, (motion.q, motion.dq, motion.ddq), strict=True):
-            signal[order] = values[k]
-        expected = pin.rnea(theirs, data, *signals)[order]  # type: ignore[attr-defined]
-        np.testing.assert_allclose(ours[k], expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
 def test_pendulum_in_closed_form(pendulum: Robot) -> None:
@@ -141,34 +87,6 @@ def test_a_vertical_slide_carries_its_weight(scara: Robot) -> None:
     expected = np.zeros((10, 4))
     expected[:, 2] = 9.81 * carried
     np.testing.assert_allclose(model.torque(still, scara.nominal), expected, atol=1e-12)
-
-
-def test_power_goes_into_energy(spatial_3r: Robot) -> None:
-    """tau dq is the rate of kinetic and potential energy, by central differences along a motion."""
-    model = DynamicModel(spatial_3r)
-    assert spatial_3r.nominal is not None
-    theta = spatial_3r.nominal
-
-    def at(t: Array) -> Motion:
-        rates = np.array([0.7, 1.1, 1.6])
-        phase = np.outer(t, rates)
-        return Motion(np.sin(phase), rates * np.cos(phase), -(rates**2) * np.sin(phase))
-
-    def energy(t: Array) -> Array:
-        motion = at(t)
-        mass = batched.mass_matrix(spatial_3r.chain, theta, motion.q)
-        rotations, translations = batched.link_poses(spatial_3r.chain, motion.q)
-        height = np.zeros(len(t))
-        for i, link in enumerate(spatial_3r.links):
-            assert link.inertia is not None
-            centre = rotations[:, i] @ link.inertia.centre_of_mass + translations[:, i]
-            height -= link.inertia.mass * (centre @ spatial_3r.gravity)
-        return 0.5 * np.einsum("si,sij,sj->s", motion.dq, mass, motion.dq) + height
-
-    time, step = np.linspace(0, 3, 20), 1e-5
-    motion = at(time)
-    power = np.sum(model.torque(motion, theta) * motion.dq, axis=1)
-    np.testing.assert_allclose(power, (energy(time + step) - energy(time - step)) / (2 * step), rtol=1e-5, atol=1e-4)
 
 
 def test_coupled_motors_by_hand(coupled_arm: Robot) -> None:

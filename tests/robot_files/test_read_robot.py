@@ -10,7 +10,6 @@ import pytest
 
 from dynident.errors import DescriptionError, DynidentError, FileError
 from dynident.model.documents.robot_data import robot_to_dict
-from dynident.plugins import Family
 from dynident.robot_files import read_robot, reading, shipped_robots
 
 URDF = """<robot name="arm"><link name="a"/><link name="b"/>
@@ -28,13 +27,6 @@ def failure(path: str | Path) -> str:
         read_robot(path)
     assert isinstance(caught.value, FileError | DescriptionError)
     return str(caught.value)
-
-
-def test_the_formats_are_a_family() -> None:
-    assert isinstance(reading.DESCRIPTIONS, Family)
-    assert reading.DESCRIPTIONS.names() == ("dh", "mjcf", "native", "sdf", "urdf", "usd")
-    for name in reading.DESCRIPTIONS.names():
-        assert reading.DESCRIPTIONS.get(name).suffixes
 
 
 @pytest.mark.parametrize("name", ["arm.urdf", "arm.URDF", "arm.xml", "arm.yaml", "arm"])

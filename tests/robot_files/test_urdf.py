@@ -382,3 +382,10 @@ def test_other_encodings() -> None:
     for encoding in ("utf-8", "utf-16", "latin-1"):
         data = text.format(encoding, joint).encode(encoding)
         assert read_urdf("arm.urdf", data).name == "Kühn"
+
+
+def test_the_largest_numbers_do_not_overflow() -> None:
+    link = '<inertial><origin xyz="1e50 1e50 1e50" rpy="0 0 0.5"/><mass value="1e50"/>'
+    moments = '<inertia ixx="1e50" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"/></inertial>'
+    body = one_joint("", "continuous", link + moments).links[0].inertia
+    assert body is not None and np.all(np.isfinite(body.vector))

@@ -91,29 +91,6 @@ def free_motion(model, theta, q, dq, duration, feedforward="none"):
     return run.truth
 
 
-def energy(robot, q, dq):
-    """Return the kinetic and the potential energy at states (N, n), each (N,), in J."""
-    mass = batched.mass_matrix(robot.chain, robot.nominal, q) + robot.reflected_inertia
-    rotations, translations = batched.link_poses(robot.chain, q)
-    potential = np.zeros(len(q))
-    for i, link in enumerate(robot.links):
-        moment = link.inertia.mass * translations[:, i] + rotations[:, i] @ link.inertia.first_moment
-        potential -= moment @ robot.gravity
-    return 0.5 * np.einsum("si,sij,sj->s", dq, mass, dq), potential
-
-
-@pytest.mark.parametrize("name", ["generic-6r", "two-link", "mimic"])
-def test_a_free_arm_keeps_its_energy(name):
-    robot = {"two-link": two_link_arm, "mimic": mimic_arm}.get(name, lambda: read_robot(name))()
-    model = DynamicModel(robot)
-    start = np.random.default_rng(3).uniform(-1, 1, (2, robot.dof))
-    motion = free_motion(model, robot.nominal, start[0], start[1], duration=3.0)
-    assert motion.rate == pytest.approx(1000)
-    kinetic, potential = energy(robot, motion.q, motion.dq)
-    assert kinetic.max() > 10 * kinetic[0] or kinetic.max() > 5  # gravity really moved it
-    assert np.ptp(kinetic + potential) < 1e-6 * kinetic.max()
-
-
 def test_a_pendulum_swings_in_its_small_angle_period():
     """T = 2 pi sqrt(I / (m g c)); an amplitude a lengthens it by a^2 / 16."""
     joint = Joint("pivot", "revolute", -1, np.eye(3), np.zeros(3), np.array([0.0, 1.0, 0.0]), drive=Drive(10.0, 1e-3))
@@ -280,14 +257,6 @@ def test_noise_has_the_deviation_asked_for_and_stays_out_of_the_truth():
     np.testing.assert_array_equal(silent.log.torque, silent.truth.torque)
 
 
-def test_encoders_round_to_their_resolution():
-    run = run_of_two(noise=Noise(resolution=(2e-3, 0.0)))
-    counts = run.log.q[:, 0] / 2e-3
-    np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
-    assert np.max(np.abs(run.log.q[:, 0] - run.truth.q[:, 0])) <= 1e-3 + 1e-12
-    np.testing.assert_array_equal(run.log.q[:, 1], run.truth.q[:, 1])
-
-
 @pytest.mark.parametrize("coupling", [None, np.array([[1.0, 0.0], [-0.5, 1.2]])])
 def test_currents_are_the_motor_torques_by_their_gains(coupling):
     robot = two_link_arm(coupling=coupling)
@@ -449,11 +418,6 @@ def test_friction_too_narrow_for_the_steps_is_refused_with_what_it_needs():
         r"give the Coulomb part a greater width",
         refused({"friction": (Coulomb(1e-9),)}),
     )
-
-
-def test_a_loop_that_its_controller_cannot_hold_is_refused():
-    with pytest.raises(SolverFailed, match=r"the motion is lost .* give a lower bandwidth, a faster controller or"):
-        run_of_two(controller=Pd(bandwidth_hz=400.0))
 
 
 def test_an_impossible_body_is_refused():

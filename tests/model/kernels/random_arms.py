@@ -80,31 +80,3 @@ def pinocchio_model(arm: Arm) -> tuple[Any, Any]:
         model.appendBodyToJoint(number, inertia, pin.SE3.Identity())
     model.gravity.linear = chain.gravity
     return pin, model
-
-
-def mujoco_model(arm: Arm) -> tuple[Any, Any]:
-    """Return MuJoCo and the arm as its model, written as XML; skips where MuJoCo is not installed."""
-    mujoco: Any = pytest.importorskip("mujoco")
-    chain = arm.chain
-
-    def row(values: Array) -> str:
-        return " ".join(repr(float(value)) for value in values)
-
-    def body(i: int) -> str:
-        quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, chain.rotation[i].ravel())
-        kind = "slide" if chain.kind[i] == PRISMATIC else "hinge"
-        own, inertia = arm.bodies[i], arm.bodies[i].about_centre
-        six = row(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
-        children = "".join(body(int(k)) for k in np.flatnonzero(chain.parent == i))
-        return (
-            f'<body name="l{i}" pos="{row(chain.translation[i])}" quat="{row(quaternion)}">'
-            f'<joint name="j{i}" type="{kind}" axis="{row(chain.axis[i])}"/>'
-            f'<inertial pos="{row(own.centre_of_mass)}" mass="{own.mass!r}" fullinertia="{six}"/>{children}</body>'
-        )
-
-    roots = "".join(body(int(i)) for i in np.flatnonzero(chain.parent < 0))
-    return mujoco, mujoco.MjModel.from_xml_string(
-        f'<mujoco><compiler angle="radian" autolimits="false"/><option gravity="{row(chain.gravity)}">'
-        f'<flag contact="disable"/></option><worldbody>{roots}</worldbody></mujoco>'
-    )

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_arms import Arm, mujoco_model, pinocchio_model, random_arm
+from random_arms import Arm, pinocchio_model, random_arm
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, SolverFailed
@@ -55,25 +55,6 @@ def test_dynamics_agree_with_pinocchio(arm: Arm) -> None:
             assert np.abs(places[s, i] - data.oMi[i + 1].translation).max() < 1e-12
 
 
-def test_dynamics_agree_with_mujoco(arm: Arm) -> None:
-    mujoco, model = mujoco_model(arm)
-    data, (q, dq, ddq) = mujoco.MjData(model), arm.states(5)
-    tau = batched.inverse_dynamics(arm.chain, arm.theta, q, dq, ddq)
-    mass = batched.mass_matrix(arm.chain, arm.theta, q)
-    turns, places = batched.link_poses(arm.chain, q)
-    order = [model.joint(f"j{i}").dofadr[0] for i in range(arm.chain.links)]
-    full = np.zeros((model.nv, model.nv))
-    for s in range(len(q)):
-        data.qpos[order], data.qvel[order], data.qacc[order] = q[s], dq[s], ddq[s]
-        mujoco.mj_inverse(model, data)
-        mujoco.mj_fullM(model, data, full)
-        assert error(tau[s], data.qfrc_inverse[order]) < 1e-10
-        assert error(mass[s], full[np.ix_(order, order)]) < 1e-10
-        for i in range(arm.chain.links):
-            assert np.abs(turns[s, i].ravel() - data.body(f"l{i}").xmat).max() < 1e-10
-            assert np.abs(places[s, i] - data.body(f"l{i}").xpos).max() < 1e-10
-
-
 def test_torque_is_linear_in_any_parameters(arm: Arm) -> None:
     """tau = Y theta, for parameters that no body has too."""
     theta = np.random.default_rng(3).normal(size=10 * arm.chain.links)
@@ -89,38 +70,6 @@ def test_forward_dynamics_inverts_inverse_dynamics_of_any_parameters(arm: Arm) -
     armature = np.diag(np.linspace(-0.3, 0.5, arm.chain.joints))
     tau = batched.inverse_dynamics(arm.chain, theta, q, dq, ddq) + ddq @ armature
     assert error(batched.forward_dynamics(arm.chain, theta, q, dq, tau, armature), ddq) < 1e-9
-
-
-def test_mass_matrix_is_the_response_to_unit_accelerations(tree: Arm) -> None:
-    q, dq, _ = tree.states(1)
-    mass = batched.mass_matrix(tree.chain, tree.theta, q)[0]
-    for k in range(tree.chain.joints):
-        unit = np.zeros_like(q)
-        unit[0, k] = 1.0
-        step = batched.inverse_dynamics(tree.chain, tree.theta, q, dq, unit)
-        column = step - batched.inverse_dynamics(tree.chain, tree.theta, q, dq, 0 * unit)
-        assert np.abs(column[0] - mass[:, k]).max() < 1e-11 * np.abs(mass).max()
-    assert np.array_equal(mass, mass.T) or np.abs(mass - mass.T).max() < 1e-13
-
-
-def test_power_is_the_rate_of_the_energy(six: Arm) -> None:
-    """tau' dq = d/dt (dq' M dq / 2 - sum of m g' c), by central differences along a motion."""
-    q, dq, ddq = six.states(4)
-    step = 1e-5
-
-    def energy(time: float) -> Array:
-        now, speed = q + dq * time + ddq * time**2 / 2, dq + ddq * time
-        mass = batched.mass_matrix(six.chain, six.theta, now)
-        turns, places = batched.link_poses(six.chain, now)
-        height = np.zeros(len(q))
-        for i, body in enumerate(six.bodies):
-            moment = body.mass * places[:, i] + turns[:, i] @ body.first_moment
-            height += moment @ six.chain.gravity
-        return np.einsum("si,sij,sj->s", speed, mass, speed) / 2 - height
-
-    power = np.einsum("si,si->s", batched.inverse_dynamics(six.chain, six.theta, q, dq, ddq), dq)
-    rate = (energy(step) - energy(-step)) / (2 * step)
-    assert error(rate, power) < 1e-7
 
 
 def test_mimic_joints_carry_the_torques_of_all_their_links() -> None:
