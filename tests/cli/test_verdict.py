@@ -243,7 +243,7 @@ def test_warnings_of_the_checks_stand_in_terminal_and_json(
     found = answered(capsys, 0, "validate", "estimate.json", "run.csv")
     assert any(text.startswith("run.csv: spikes (joint2)") for text in found["warnings"])
     about = {"severity": "warning", "name": "spikes", "evidence": "", "remedy": ""}
-    quality = [{"path": "run.csv", "findings": [{**about, "joint": joint} for joint in ("joint2", "joint3", "joint2")]}]
+    quality = [{"path": "run.csv", "findings": [{**about, "joint": joint} for joint in ("joint2", "joint2, joint3")]}]
     verdict = dynident.verdict_of(read_estimate("estimate.json"), quality=quality)
     assert reason_of(verdict).endswith("found no error, but 1 warning: spikes (joint2, joint3)")
 

@@ -268,9 +268,9 @@ def model_doubt(estimate: Estimate) -> tuple[str, str]:
 
 def _warned(quality: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
     """Return the names of findings at warning level, each once with its joints; logs apart are told elsewhere."""
-    joints: dict[str, list[str]] = {}
+    joints: dict[str, dict[str, None]] = {}
     for own in _told_once(quality, "warning", ("name", "joint")):
-        joints.setdefault(own.name, []).extend(filter(None, [own.joint]))
+        joints.setdefault(own.name, {}).update(dict.fromkeys(filter(None, own.joint.split(", "))))
     return tuple(f"{name} ({', '.join(at)})" if at else name for name, at in joints.items() if name != UNLIKE_OTHERS)
 
 
