@@ -198,10 +198,23 @@ def test_causes_that_a_log_does_not_tell_apart_are_one_note(capsys: pytest.Captu
     check.show(Examination("run.csv", (spring, rival, other)))
     lines = capsys.readouterr().out.splitlines()
     assert lines == [
-        "run.csv: 2 notes",
+        "run.csv: no error or warning, 2 notes",
         "  note: spring (elbow): follows the position",
         "    model it",
         "    or tilt: leans",
         "  note: drift: not distinguishable from tilt: drifts",  # the likelier one is not told
         "    warm up",
+    ]
+
+
+def test_notes_of_one_kind_about_several_joints_are_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+    """The right log of a seven-axis arm had given a page and a half."""
+    curves = [Finding("note", "friction curve", joint, f"bends by {joint}", "add parts") for joint in ("j2", "j1")]
+    errors = [Finding("error", "torque sign", joint, "is negative", "turn it") for joint in ("j1", "j2")]
+    check.show(Examination("run.csv", (*errors, *curves)))
+    assert capsys.readouterr().out.splitlines() == [
+        "run.csv: 2 errors, 2 notes",
+        *(line for joint in ("j1", "j2") for line in (f"  error: torque sign ({joint}): is negative", "    turn it")),
+        "  note: friction curve (j2, j1), at j2: bends by j2",
+        "    add parts",
     ]

@@ -13,12 +13,13 @@ that are not finite (up to 5 %), and removes encoder jumps. The exit code is 1 w
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dynident.case.case import Case
     from dynident.diagnosis.examination import Examination
+    from dynident.diagnosis.finding import Finding
     from dynident.identification.estimate.estimate import Estimate
 
 SUMMARY = "log checks before a fit: errors, evidence and remedies"
@@ -124,19 +125,31 @@ def _figures(case: Case, found: Sequence[Examination], mends: tuple[str, ...] | 
 
 
 def show(examination: Examination) -> None:
-    """Print what was found, rivals of a likelier cause under it."""
+    """Print what was found, rivals of a likelier cause under it; notes of one kind about several joints as one."""
     from dynident.cli import console
 
     labels = {finding.label for finding in examination.findings if not finding.beside}
     alone = [finding for finding in examination.findings if finding.beside not in labels]
     counts = {word: sum(finding.severity == word for finding in alone) for word in ("error", "warning", "note")}
     told = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for word, count in counts.items() if count)
-    console.answer(f"{examination.path}: {told or 'nothing found'}")
-    for finding in alone:
-        console.answer_text(f"  {finding.severity}: {finding.label}: {finding.evidence}")
+    calm = "no error or warning, " if {finding.severity for finding in alone} == {"note"} else ""
+    console.answer(f"{examination.path}: {calm}{told or 'nothing found'}")
+    for finding, *alike in _alike(alone, {finding.beside for finding in examination.findings}):
+        joints = dict.fromkeys(", ".join(each.joint for each in (finding, *alike)).split(", "))
+        label = f"{finding.name} ({', '.join(joints)}), at {finding.joint}" if alike else finding.label
+        console.answer_text(f"  {finding.severity}: {label}: {finding.evidence}")
         console.answer_text(f"    {finding.remedy}")
         for rival in examination.findings:
             if rival.beside == finding.label and rival not in alone:
                 console.answer_text(f"    or {rival.label}: {rival.evidence.split(f'{rival.beside}: ')[-1]}")
     if examination.left_out:
         console.answer(f"  {examination.left_out}")
+
+
+def _alike(findings: Sequence[Finding], rivalled: Set[str]) -> list[list[Finding]]:
+    """Return findings, notes of one name and one remedy together where nothing else stands beside them."""
+    groups: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        is_own = finding.severity != "note" or not finding.joint or finding.label in rivalled
+        groups.setdefault((finding.label if is_own else finding.name, finding.remedy), []).append(finding)
+    return list(groups.values())
