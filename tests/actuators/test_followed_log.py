@@ -20,7 +20,7 @@ from dynident.cli.main import main
 from dynident.files import sha256_of
 from dynident.model.robot import Robot
 from dynident.results.actuator_report import actuator_page
-from dynident.results.actuator_text import joint_lines, joint_warnings, parameter_table
+from dynident.results.actuator_text import joint_lines, joint_warnings, parameter_table, scale_lines
 from dynident.results.figures.signals import line_chart
 
 CASE = """case: 2
@@ -97,6 +97,18 @@ def test_the_report_has_the_actuator_of_the_robot_model_beside_the_identified_on
     assert "damping, back-EMF with it 0.260 0.500" in text and "robot model, back-EMF with it" in text
     plain = actuator_page(found, followed(found, robot, logs))
     assert "back-EMF with it" not in plain and page.count("robot model") > plain.count("robot model") + 3
+
+
+def test_half_widths_say_what_they_take_for_exact(robot: Robot) -> None:
+    """Torques stand on the masses of the robot model; tables with half widths of 1 % did not say so."""
+    plain = estimate(preset("feetech_sts3215"))
+    (joint,) = plain.joints
+    found = replace(plain, joints=(replace(joint, known=(Known("full_torque", 2.0, 0.1, "identified"),)),))
+    (line,) = scale_lines(found)
+    assert line.endswith("masses 10 % larger make torque, armature and friction 10 % larger")
+    page = actuator_page(found, followed(found, robot, virtual_logs(robot, parameters(), gains=(4.0,))))
+    assert line.partition(":")[0] in page
+    assert scale_lines(plain) == []  # no half width of a torque
 
 
 def test_the_friction_curve_ends_at_the_speed_of_the_logs(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,15 +36,6 @@ def run(case: Case, options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.errors import BadOption
     from dynident.files import check_outputs
-    from dynident.results.actuator_text import (
-        all_warnings,
-        bodies_lines,
-        bodies_table,
-        bodies_warnings,
-        headline,
-        joint_lines,
-        parameter_table,
-    )
 
     for name in _FOREIGN:
         if getattr(options, name):
@@ -62,26 +53,38 @@ def run(case: Case, options: argparse.Namespace) -> int:
     if options.json:
         console.answer_json(as_data(found))
         return 0
+    _show(found)
+    if options.output:
+        console.remark(f"saved {options.output}", options.quiet)
+    return 0
+
+
+def _show(found: ActuatorEstimate) -> None:
+    from dynident.cli import console
+    from dynident.results.actuator_text import (
+        all_warnings,
+        bodies_table,
+        bodies_warnings,
+        headline,
+        joint_lines,
+        parameter_table,
+        scale_lines,
+    )
+
     console.answer(headline(found))
     for joint in found.joints:
         console.answer()
         console.answer_table(parameter_table(joint), joint.name)
         for line in joint_lines(joint):
-            console.answer(f"  {line}")
+            console.answer_text(f"  {line}")
+    console.answer()
     if found.bodies is not None:
-        console.answer()
         console.answer_table(bodies_table(found.bodies), "bodies")
-        for line in bodies_lines(found.bodies):
-            console.answer(f"  {line}")
-        for warning in bodies_warnings(found.bodies):
-            console.answer(f"warning: {warning}")
-    for warning in all_warnings(found.joints):
-        console.answer(f"warning: {warning}")
-    for text in found.provenance.get("left_out", ()):
-        console.answer(f"warning: {text}")
-    if options.output:
-        console.remark(f"saved {options.output}", options.quiet)
-    return 0
+    for line in scale_lines(found):
+        console.answer_text(line)
+    of_bodies = [] if found.bodies is None else bodies_warnings(found.bodies)
+    for warning in (*of_bodies, *all_warnings(found.joints), *found.provenance.get("left_out", ())):
+        console.answer_text(f"warning: {warning}")
 
 
 #: Options of 'excite' that design a motion for torques.
@@ -239,7 +242,7 @@ def validate(options: argparse.Namespace) -> int:
         console.answer(line)
     console.answer_table(errors_table(runs))
     for warning in all_warnings(estimate.joints):
-        console.answer(f"warning: {warning}")
+        console.answer_text(f"warning: {warning}")
     if options.report:
         console.remark(f"wrote {options.report}", options.quiet)
     return 0

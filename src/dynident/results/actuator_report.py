@@ -13,13 +13,13 @@ from dynident.actuators.free_bodies import FreeBodies
 from dynident.actuators.parameters import PLACE, unit_for
 from dynident.arrays import Array
 from dynident.results.actuator_text import (
-    bodies_lines,
     bodies_table,
     bodies_warnings,
     headline,
     joint_lines,
     joint_warnings,
     parameter_table,
+    scale_lines,
     thousandth_of,
 )
 from dynident.results.figures.signals import line_chart
@@ -84,32 +84,32 @@ def actuator_page(estimate: ActuatorEstimate, runs: Sequence[FollowedJoint]) -> 
         estimate: The actuators.
         runs: Their roll-outs over logs.
     """
-    parts = [ReportPart("errors", "Errors of the roll-outs", "actuators.html", _errors(runs))]
+    parts = [ReportPart("errors", "Errors of the roll-outs", "actuators.html", _errors(estimate, runs))]
     for joint in estimate.joints:
         own = [run for run in runs if run.joint == joint.name]
         parts.append(ReportPart(f"joint-{joint.name}", joint.name, "actuators.html", _joint(joint, own)))
     if estimate.bodies is not None:
-        parts.append(ReportPart("bodies", "Bodies", "actuators.html", _bodies(estimate.bodies)))
+        parts.append(ReportPart("bodies", "Bodies", "actuators.html", _bodies(estimate, estimate.bodies)))
     lead = (headline(estimate).partition(": ")[2], f"roll-outs over {counted(len({run.log for run in runs}), 'log')}")
     return build_page("Actuators", estimate.robot, lead, parts)
 
 
-def _errors(runs: Sequence[FollowedJoint]) -> dict[str, object]:
+def _errors(estimate: ActuatorEstimate, runs: Sequence[FollowedJoint]) -> dict[str, object]:
     said = "Each roll-out starts at the first sample of a log and gets nothing but its commands. Mean absolute "
     said += "position error."
     if any(np.isfinite(run.nominal) for run in runs):
         said += " Robot model: its own armature, damping and friction with the identified drive."
     return {
-        "lines": [said, f"{'; '.join(mean_lines(runs))}."],
+        "lines": [said, f"{'; '.join(mean_lines(runs))}.", *(scale_lines(estimate) if estimate.bodies is None else ())],
         "warnings": [],
         "tables": [errors_table(runs)],
         "figures": [],
     }
 
 
-def _bodies(bodies: FreeBodies) -> dict[str, object]:
+def _bodies(estimate: ActuatorEstimate, bodies: FreeBodies) -> dict[str, object]:
     return {
-        "lines": bodies_lines(bodies),
+        "lines": scale_lines(estimate),
         "warnings": bodies_warnings(bodies),
         "tables": [bodies_table(bodies)],
         "figures": [],

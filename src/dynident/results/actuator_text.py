@@ -71,10 +71,15 @@ def bodies_table(bodies: FreeBodies) -> Table:
     return Table(columns, tuple(rows))
 
 
-def bodies_lines(bodies: FreeBodies) -> list[str]:
-    """Return what has to be said of bodies that were found beside the drives."""
-    half = 100.0 * NORMAL_95 * bodies.scale
-    if bodies.is_scaled:
+def scale_lines(estimate: ActuatorEstimate) -> list[str]:
+    """Return what the scale of torques, armature and friction is: that of masses, stated or found."""
+    if estimate.bodies is None:
+        known = (one for joint in estimate.joints for one in joint.known)
+        has_scale = any(one.name == "full_torque" and np.isfinite(one.half_width) for one in known)
+        taken = "half widths take the masses of the robot model, payloads and stated torques as exact"
+        return [f"{taken}: masses 10 % larger make torque, armature and friction 10 % larger"] if has_scale else []
+    half = 100.0 * NORMAL_95 * estimate.bodies.scale
+    if estimate.bodies.is_scaled:
         return [f"one scale of all masses, torques and friction: from the logs with a payload, to {half:.2g} %"]
     return [
         "one scale of all masses, torques and friction is that of the robot model (no log without a known payload "
