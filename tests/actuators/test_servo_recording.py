@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from servo_bench import PENDULUM, parameters, virtual_logs
+from servo_bench import parameters, virtual_logs
 
 pytest.importorskip("rosbags", reason="recordings of ROS need the package rosbags (extra ros)")
 
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from recordings import STATE, record, state
 
 from dynident.actuators.servo_log import ServoLog
 from dynident.api.actuators import actuators, logs_of_servos
@@ -20,8 +19,7 @@ from dynident.case.case import read_case
 from dynident.cli.main import main
 from dynident.model.robot import Robot
 
-STORE = get_typestore(Stores.ROS2_HUMBLE)
-FIRST = 1_700_000_000_000_000_000
+COMMANDS = "std_msgs/msg/Float64MultiArray"
 
 CASE = """case: 2
 robot: pendulum.urdf
@@ -37,33 +35,23 @@ train: run.mcap
 """
 
 
-def record(log: ServoLog, topic: str, effort: float | None = None) -> None:
+def write(log: ServoLog, topic: str, *effort: float) -> None:
     """Write run.mcap: states of the joint, with an effort if there is one, and its commands on a topic of their own."""
-    types, empty = STORE.types, np.zeros(0)
-    layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
-    efforts = empty if effort is None else np.array([effort])
-    with Writer("rec", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        kinds = {"/joint_states": "sensor_msgs/msg/JointState", topic: "std_msgs/msg/Float64MultiArray"}
-        topics = {name: writer.add_connection(name, kind, typestore=STORE) for name, kind in kinds.items()}
 
-        def write(topic: str, stamp: int, message: Any) -> None:
-            writer.write(topics[topic], stamp, STORE.serialize_cdr(message, kinds[topic]))
+    def command(types: Any, header: Any, row: int) -> Any:
+        layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+        return types[COMMANDS](layout, log.q_ref[row // 2])
 
-        for time, q, q_ref in zip(log.time - log.time[0], log.q[:, 0], log.q_ref[:, 0], strict=True):
-            stamp = FIRST + round(time * 1e9)
-            moment = types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
-            head = types["std_msgs/msg/Header"](stamp=moment, frame_id="")
-            state = types["sensor_msgs/msg/JointState"](head, ["joint1"], np.array([q]), empty, efforts)
-            write("/joint_states", stamp, state)
-            write(topic, stamp, types["std_msgs/msg/Float64MultiArray"](layout, np.array([q_ref])))
-    Path("rec/rec.mcap").rename("run.mcap")
-    Path("pendulum.urdf").write_text(PENDULUM)
+    rows = []
+    for time, q in zip((log.time - log.time[0]).tolist(), log.q[:, 0].tolist(), strict=True):
+        rows += [(time, "/joint_states", state(q, *effort)), (time, topic, command)]
+    record({"/joint_states": STATE, topic: COMMANDS}, rows)
 
 
 def test_states_and_commands_of_a_recording(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     log = virtual_logs(robot, parameters(), gains=(4.0,))[0]
-    record(log, "/position_controller/commands")
+    write(log, "/position_controller/commands")
     Path("case.yaml").write_text(CASE)
     ((found,), _) = logs_of_servos(read_case("case.yaml"))
     np.testing.assert_allclose(found.q, log.q, atol=1e-12)
@@ -81,7 +69,7 @@ def test_init_finds_the_topic_of_the_commands(
     """Where the states have efforts, the case is for them."""
     monkeypatch.chdir(tmp_path)
     log = virtual_logs(robot, parameters(), gains=(4.0,))[0]
-    record(log, topic, effort)
+    write(log, topic, *([] if effort is None else [effort]))
     assert main(["init", "pendulum.urdf", "run.mcap", "-o", "case.yaml"]) == 0
     case = read_case("case.yaml")
     if effort == 0.3:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_answers import documented
 
 from dynident.api.identify import identify
 from dynident.cli.main import main
@@ -149,9 +150,7 @@ def test_plausible_links_and_what_they_cost(folder: Path, capsys: Capture, how: 
     assert (
         kept == Plausibility.of(recorded_run(told["extras"])) and kept is not None and kept.cost_rise <= kept.cost_limit
     )
-    documented = Path(__file__).parents[2] / "docs" / "json-output.md"
-    table = documented.read_text().split("<!-- json: plausibility -->")[1].split("\n\n")[1]
-    keys = {row.split("`")[1].split(".")[0].rstrip("[]") for row in table.splitlines()[2:]}
+    keys = {key.split(".")[0].rstrip("[]") for key in documented("plausibility")}
     assert keys == set(told["extras"]["plausibility"])
 
 

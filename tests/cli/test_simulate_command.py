@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_answers import documented
 
 from dynident.case.case import read_case
 from dynident.cli.main import main
@@ -16,25 +17,18 @@ from dynident.excitation.design.plan import Plan, write_plan
 from dynident.excitation.trajectories.rest_fourier import RestFourier
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.studies.comparison.truth import read_truth
+from two_joint_arm import URDF
 
 Capture = pytest.CaptureFixture[str]
 
-URDF = """<robot name="arm2">
-  <link name="stand"/>
-  <link name="upper"><inertial><origin xyz="0.18 0 0.02"/><mass value="7"/>
-    <inertia ixx="0.03" ixy="0" ixz="0" iyy="0.12" iyz="0" izz="0.12"/></inertial></link>
-  <link name="fore"><inertial><origin xyz="0.12 0 0"/><mass value="3"/>
-    <inertia ixx="0.008" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"/></inertial></link>
-  <link name="hand"><inertial><origin xyz="0.02 0 0"/><mass value="1"/>
+#: The arm with a wrist that is locked.
+WITH_WRIST = URDF.replace(
+    "</robot>",
+    """<link name="hand"><inertial><origin xyz="0.02 0 0"/><mass value="1"/>
     <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="stand"/><child link="upper"/><origin xyz="0 0 0.3"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="3" effort="200"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.4 0 0.05"/>
-    <axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="4" effort="100"/></joint>
   <joint name="wrist" type="revolute"><parent link="fore"/><child link="hand"/><origin xyz="0.3 0 0"/>
-    <axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="4" effort="50"/></joint>
-</robot>
-"""
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="4" effort="50"/></joint></robot>""",
+)
 
 CASE = """case: 1
 robot: arm.urdf
@@ -86,7 +80,7 @@ log:
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder with a robot, its case and a plan for its two free joints, the working directory."""
     monkeypatch.chdir(tmp_path)
-    Path("arm.urdf").write_text(URDF)
+    Path("arm.urdf").write_text(WITH_WRIST)
     Path("case.yaml").write_text(CASE)
     robot = read_case("case.yaml").robot
     limits = _limits(robot)
@@ -178,11 +172,8 @@ def test_settings_change_the_cell(here: Path, capsys: Capture) -> None:
     assert main(["simulate", "case.yaml", "plan.json", "-o", "run.csv", *words, "--seed", "4"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts.pop("schema") == 2
-    page = (Path(__file__).resolve().parents[2] / "docs/json-output.md").read_text(encoding="utf-8")
-    _, _, rows = page.partition("<!-- json: simulate -->\n\n")
-    documented = {line.split("`")[1] for line in rows.split("\n\n")[0].splitlines()[2:]}
     inner = {f"parameters[].{key}" for key in facts["parameters"][0]}
-    assert documented == {*(key for key in facts if key != "parameters"), *inner}
+    assert documented("simulate") == {*(key for key in facts if key != "parameters"), *inner}
     assert facts["samples"] == 800
     assert facts["cell"]["controller"]["pid"]["integral_hz"] == 2.0
     assert facts["cell"]["effort"]["noise"] == [0.3, 0.1]

@@ -7,11 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.faults.trials import Trial, subject_of
-from benchmarks.strangers.plant import Body, cylinder, urdf, waves
-
-from dynident.case.case import read_case
-
-pinocchio = pytest.importorskip("pinocchio")
+from benchmarks.strangers.plant import waves
+from sliding_arms import torques, trial_of, with_slide
 
 RATE, SECONDS, NOISE, LOAD = 100.0, 20.0, 0.004, 0.05
 
@@ -24,32 +21,12 @@ LINKS = (
 )
 
 
-def arm() -> list[Body]:
-    return [
-        Body(
-            joint=name,
-            place=place,
-            axis=axis,
-            limits=(-0.4, 0.4) if name == "lift" else (-2.5, 2.5),
-            speed=0.6 if name == "lift" else 2.0,
-            effort=1000.0,
-            mass=mass,
-            centre=(0.02, 0.01, length / 2),
-            inertia=cylinder(mass, 0.05, length, 2),
-            kind="prismatic" if name == "lift" else "revolute",
-        )
-        for name, place, axis, mass, length in LINKS
-    ]
-
-
 def recorded(folder: Path, stiffness: float = 0.0, counterweight: float = 0.0) -> Trial:
     """Return a log, with a spring at the elbow in N m/rad and a constant force at the lift in N."""
-    generator, bodies = np.random.default_rng(4), arm()
+    generator, bodies = np.random.default_rng(4), with_slide(LINKS, "lift", (-0.4, 0.4), 0.6)
     t = np.arange(int(RATE * SECONDS)) / RATE
     q, dq, ddq = waves(bodies, 0.1, 5, 4, [0.25, 1.2, 1.2, 1.2], 0.0, 0.6)(t)
-    model = pinocchio.buildModelFromXML(urdf("arm", bodies, 4))
-    data = model.createData()
-    carried = np.array([pinocchio.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)])
+    carried = torques(bodies, 4, q, dq, ddq)
     size = carried.std(axis=0)
     tau = (
         carried
@@ -58,9 +35,7 @@ def recorded(folder: Path, stiffness: float = 0.0, counterweight: float = 0.0) -
     )
     tau[:, 3] += stiffness * q[:, 3]
     tau[:, 0] -= counterweight
-    (folder / "arm.urdf").write_text(urdf("arm", bodies))
-    (folder / "case.yaml").write_text("case: 2\nrobot: arm.urdf\nfriction: [coulomb, viscous, offset]\n")
-    return Trial(read_case(folder / "case.yaml"), {"t": t, "q": q + 1e-6 * generator.normal(size=q.shape), "tau": tau})
+    return trial_of(bodies, {"t": t, "q": q + 1e-6 * generator.normal(size=q.shape), "tau": tau}, folder)
 
 
 @pytest.mark.parametrize("counterweight", [0.0, 150.0])

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 from benchmarks.faults import injections as put
 from benchmarks.faults.trials import Trial
-from benchmarks.strangers.plant import Body, cylinder, urdf, waves
+from benchmarks.strangers.plant import waves
+from sliding_arms import torques, trial_of, with_slide
 
-from dynident.case.case import read_case
 from dynident.diagnosis.causes.couplings import CoupledRows
 from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.finding import Finding
-
-pinocchio = pytest.importorskip("pinocchio")
 
 RATE, SECONDS, TRAVEL = 100.0, 20.0, 0.015
 
@@ -28,27 +26,6 @@ LINKS = (
     ("wrist", (0.0, 0.02, 0.3), (0, 0, 1), 1.0, 0.1),
     ("finger", (0.03, 0.0, 0.1), (1, 0, 0), 0.3, 0.05),
 )
-
-
-def arm() -> list[Body]:
-    bodies = []
-    for name, place, axis, mass, length in LINKS:
-        slides = name == "finger"
-        bodies.append(
-            Body(
-                joint=name,
-                place=place,
-                axis=axis,
-                limits=(0.0, 0.04) if slides else (-2.5, 2.5),
-                speed=0.2 if slides else 2.0,
-                effort=1000.0,
-                mass=mass,
-                centre=(0.02, 0.01, length / 2),
-                inertia=cylinder(mass, 0.05, length, 2),
-                kind="prismatic" if slides else "revolute",
-            )
-        )
-    return bodies
 
 
 def strokes(t: np.ndarray, starts: tuple[float, ...], lasts: float = 0.3) -> np.ndarray:
@@ -66,24 +43,20 @@ def strokes(t: np.ndarray, starts: tuple[float, ...], lasts: float = 0.3) -> np.
 def recorded(folder: Path, seed: int, starts: tuple[float, ...] = (), first: float = 0.08) -> Trial:
     """Return a log of the arm; the finger moves in strokes, or without them with the slow waves of the others."""
     generator = np.random.default_rng(seed)
-    bodies = arm()
+    bodies = with_slide(LINKS, "finger", (0.0, 0.04), 0.2)
     t = np.arange(int(RATE * SECONDS)) / RATE
     q, dq, ddq = waves(bodies, first, 5, seed, [1.2, 1.2, 1.2, 1.2, TRAVEL / 2], [0.0, 0.0, 0.0, 0.0, 0.02], 0.8)(t)
     still = np.zeros(len(t), bool)
     if starts:
         q[:, -1], dq[:, -1], ddq[:, -1] = strokes(t, starts)
         still = dq[:, -1] == 0
-    model = pinocchio.buildModelFromXML(urdf("arm", bodies, seed))
-    data = model.createData()
-    tau = np.array([pinocchio.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)])
+    tau = torques(bodies, seed, q, dq, ddq)
     size = tau.std(axis=0)
     dry = np.append(0.2 * size[:-1], 2.0)
     tau += dry * np.tanh(dq / np.array([0.005] * 4 + [0.0005])) + np.append(0.1 * size[:-1], 10.0) * dq
     tau[still, -1] += 5.0  # the grip
     tau += np.append(0.01 * size[:-1], 0.1) * generator.normal(size=tau.shape)
-    (folder / "arm.urdf").write_text(urdf("arm", bodies))
-    (folder / "case.yaml").write_text("case: 2\nrobot: arm.urdf\nfriction: [coulomb, viscous, offset]\n")
-    return Trial(read_case(folder / "case.yaml"), {"t": t, "q": q + 1e-6 * generator.normal(size=q.shape), "tau": tau})
+    return trial_of(bodies, {"t": t, "q": q + 1e-6 * generator.normal(size=q.shape), "tau": tau}, folder)
 
 
 def told(trial: Trial, folder: Path) -> list[Finding]:

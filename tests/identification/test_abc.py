@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from random_landscapes import random_landscape
 
 from dynident.arrays import Array
 from dynident.data.log import Log
@@ -95,17 +96,6 @@ class PlainColony:
         for draws in draw(self.generator, cycles, self.sources, len(self.lower)):
             trace += [self.cycle(moves, scout) for moves, scout in zip(draws.moves, draws.scouts, strict=True)]
         return trace
-
-
-def random_landscape(power: int, rows: tuple[int, ...], columns: int = 5, seed: int = 0) -> Landscape:
-    generator = np.random.default_rng(seed)
-    edges = np.concatenate([[0], np.cumsum(rows)]).astype(np.int64)
-    matrix = generator.standard_normal((columns, edges[-1]))
-    present = generator.random((columns, len(rows))) > 0.3
-    present[:, 0] = True
-    matrix[~np.repeat(present, rows, axis=1)] = 0.0
-    target = generator.uniform(-2, 2, columns) @ matrix + generator.standard_normal(edges[-1])
-    return Landscape(matrix, target, edges, present, generator.uniform(0.1, 1, len(rows)) / edges[-1], power, 0.25)
 
 
 @pytest.mark.parametrize("power", [1, 2])
@@ -219,23 +209,6 @@ def test_what_the_colony_says_of_itself(problem, norm):
     assert run.gap > 0.05  # the published settings do not converge, and say so
     np.testing.assert_allclose(solution.weights, 1 / problem.joint_deviations(solution.beta))
     assert json.loads(json.dumps(run.data())) == run.data()
-
-
-@pytest.mark.parametrize("norm", ["l1", "l2"])
-def test_a_seed_repeats_its_run(problem, norm):
-    runs = [ArtificialBeeColony(norm=norm, seed=seed).solve(problem) for seed in (4, 4, 5)]
-    np.testing.assert_array_equal(runs[0].beta, runs[1].beta)
-    assert runs[0].run.trace == runs[1].run.trace != runs[2].run.trace
-    assert runs[0].run.optimum == runs[2].run.optimum
-
-
-def test_polish_returns_the_certified_optimum(problem):
-    plain = ArtificialBeeColony(norm="l2", polish=True).solve(problem)
-    np.testing.assert_allclose(plain.beta, least_squares(problem.reduced()).beta, rtol=1e-8, atol=1e-10)
-    robust = ArtificialBeeColony(norm="l1", polish=True).solve(problem)
-    value = np.mean(np.sum(np.abs(residuals_of(problem, robust.beta)), axis=1))
-    assert value == pytest.approx(robust.run.optimum, rel=1e-9)
-    assert robust.run.polished and robust.run.objective > robust.run.optimum
 
 
 def test_the_default_box_follows_least_squares(problem):

@@ -40,22 +40,19 @@ def wave(joints, period=2.0, seed=1):
     return FourierSeries(np.zeros(joints), sine, cosine, period)
 
 
-@pytest.fixture(scope="module")
-def cell(planar_2r):
+def followed(robot, width, **timing):
     """Return a problem, its truth and the true motion of a two-link arm under a stated controller."""
-    model = DynamicModel(planar_2r, (Coulomb(0.1), Viscous()))
-    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
+    model = DynamicModel(robot, (Coulomb(width), Viscous()))
+    theta = np.append(robot.nominal, np.tile([1.0, 0.5], 2))
     controller = Pd(rate=500.0, stiffness=KP, damping=KD, feedforward="none")
-    run = simulate(
-        model,
-        theta,
-        wave(2),
-        timing=Timing(rate=250.0, lead_in=1.0, integration_rate=4000.0),
-        controller=controller,
-        noise=Noise(),
-    )
+    run = simulate(model, theta, wave(2), timing=Timing(rate=250.0, **timing), controller=controller, noise=Noise())
     problem = build_problem(model, [run.log], HOW)
     return problem, problem.base.from_standard(theta), run
+
+
+@pytest.fixture(scope="module")
+def cell(planar_2r):
+    return followed(planar_2r, 0.1, lead_in=1.0, integration_rate=4000.0)
 
 
 def test_the_true_robot_moves_as_the_virtual_one(cell):
@@ -164,19 +161,7 @@ def test_friction_of_load_and_temperature_is_simulated_with_exact_sensitivities(
 @pytest.fixture
 def stiff(planar_2r):
     """Return a problem and its truth whose friction turns its sign within 0.02 rad/s."""
-    model = DynamicModel(planar_2r, (Coulomb(0.02), Viscous()))
-    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
-    controller = Pd(rate=500.0, stiffness=KP, damping=KD, feedforward="none")
-    run = simulate(
-        model,
-        theta,
-        wave(2),
-        timing=Timing(rate=250.0, duration=0.6, lead_in=0.2),
-        controller=controller,
-        noise=Noise(),
-    )
-    problem = build_problem(model, [run.log], HOW)
-    return problem, problem.base.from_standard(theta)
+    return followed(planar_2r, 0.02, duration=0.6, lead_in=0.2)[:2]
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from random_landscapes import random_landscape
 from scipy.stats import kstest
 
 from dynident.arrays import Array
@@ -40,17 +41,6 @@ from dynident.model.reduction import least_squares
 
 NAMES = ("abc", "de", "ga", "pso")
 LOWER, UPPER = np.full(5, -5.0), np.array([5.0, 4.0, 3.0, 5.0, 6.0])
-
-
-def random_landscape(power: int, rows: tuple[int, ...], columns: int = 5) -> Landscape:
-    generator = np.random.default_rng(0)
-    edges = np.concatenate([[0], np.cumsum(rows)]).astype(np.int64)
-    matrix = generator.standard_normal((columns, edges[-1]))
-    present = generator.random((columns, len(rows))) > 0.3
-    present[:, 0] = True
-    matrix[~np.repeat(present, rows, axis=1)] = 0.0
-    target = generator.uniform(-2, 2, columns) @ matrix + 0.3 * generator.standard_normal(edges[-1])
-    return Landscape(matrix, target, edges, present, generator.uniform(0.1, 1, len(rows)) / edges[-1], power, 0.25)
 
 
 @pytest.fixture(scope="module")

@@ -3,61 +3,24 @@
 from __future__ import annotations
 
 import io
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from stand_ins import StandInRuns, order, until
 
 from dynident import files
 from dynident.errors import BadOption, FileError
-from dynident.studio.folder import Folder, store_of
-from dynident.studio.orders import Order, order_of
+from dynident.studio.folder import Folder
+from dynident.studio.orders import order_of
 from dynident.studio.runs import AT_ONCE, Run, Runs
-
-#: Stands for a command: it writes an estimate as the commands of a studio do, and waits where that is asked for.
-WRITES = """
-import sys, time
-from pathlib import Path
-from dynident.files import stage, write_atomically
-stage(Path.cwd(), Path(sys.argv[1]).resolve())
-write_atomically(sys.argv[2], "of the run")
-print("written", file=sys.stderr, flush=True)
-time.sleep(float(sys.argv[3]))
-sys.exit(int(sys.argv[4]))
-"""
 
 
 def _started(runs: Runs, folder: Folder, wait: float = 0.0, code: int = 0, name: str = "") -> Run:
     """Start what stands for a command, under the name that is next where none is given."""
-    name = name or folder.reserve("estimate", ".json")
-    return runs.start(Order("identify", (name, str(wait), str(code)), (name,)))
-
-
-def _until(true: Callable[[], object]) -> None:
-    end = time.monotonic() + 20
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.005)
-
-
-@pytest.fixture
-def no_command(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Start a short process where a command would start."""
-
-    def process(runs: Runs, order: Order) -> subprocess.Popen[str]:
-        store = store_of(order.outputs[0])
-        pipe = subprocess.PIPE
-        arguments = [sys.executable, "-c", WRITES, store, *order.arguments]
-        place = runs.folder.path
-        return subprocess.Popen(
-            arguments, cwd=place, stdin=pipe, stdout=pipe, stderr=pipe, text=True, start_new_session=True
-        )
-
-    monkeypatch.setattr(Runs, "start_process", process)
+    return runs.start(order(name or folder.reserve("estimate", ".json"), wait, code))
 
 
 def test_two_sessions_reserve_different_names(tmp_path: Path) -> None:
@@ -99,10 +62,9 @@ def test_a_request_that_fails_gives_its_names_back(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["c.yaml", "e.json"]
 
 
-@pytest.mark.usefixtures("no_command")
 def test_a_run_that_cannot_start_gives_its_names_back(tmp_path: Path) -> None:
     session = Folder(tmp_path)
-    runs = Runs(session)
+    runs = StandInRuns(session)
     for _ in range(AT_ONCE):
         _started(runs, session, wait=60.0)
     with pytest.raises(BadOption, match="run already"):
@@ -115,57 +77,54 @@ def test_a_run_that_cannot_start_gives_its_names_back(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.usefixtures("no_command")
 @pytest.mark.parametrize("ends", ["cancelled", "failed"])
 def test_a_run_that_is_broken_off_takes_nothing_of_others_with_it(tmp_path: Path, ends: str) -> None:
     first, second = Folder(tmp_path), Folder(tmp_path)
-    runs, others = Runs(first), Runs(second)
+    runs, others = StandInRuns(first), StandInRuns(second)
     run = _started(runs, first, wait=60.0 if ends == "cancelled" else 0.0, code=1)
     other = _started(others, second)
-    _until(lambda: run.progress and other.state == "done")
+    until(lambda: run.progress and other.state == "done")
     for name in ("estimate_1.json", "estimate_1-note.csv", ".estimate_1.json.0.part"):  # of a command beside them
         (tmp_path / name).write_text("of another")
     if ends == "cancelled":
         runs.cancel(run.number)
-    _until(lambda: run.state == ends and not (tmp_path / ".estimate_1.reserved").exists())
+    until(lambda: run.state == ends and not (tmp_path / ".estimate_1.reserved").exists())
     left = {path.name: path.read_text() for path in tmp_path.iterdir()}
     assert left == {
         "estimate_1.json": "of another",
         "estimate_1-note.csv": "of another",
         ".estimate_1.json.0.part": "of another",
-        "estimate_2.json": "of the run",
+        "estimate_2.json": "estimate_2.json",
     }
     for name in ("estimate_1.json", "estimate_2.json"):
         with pytest.raises(FileError, match="it was there before the session"):
             first.remove(name)
 
 
-@pytest.mark.usefixtures("no_command")
 def test_a_run_keeps_what_it_wrote_beside_what_another_has_written_meanwhile(tmp_path: Path) -> None:
     session = Folder(tmp_path)
-    runs = Runs(session)
+    runs = StandInRuns(session)
     name = session.reserve("estimate", ".json")
     (tmp_path / "estimate_1.json").write_text("of another")
     run = _started(runs, session, name=name)
-    _until(lambda: run.state == "done")
+    until(lambda: run.state == "done")
     assert run.outputs == run.figures()["outputs"] == ["estimate_1_2.json"]
     assert run.progress[-1] == "estimate_1.json was written by another program meanwhile: kept as estimate_1_2.json"
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
         "estimate_1.json": "of another",
-        "estimate_1_2.json": "of the run",
+        "estimate_1_2.json": "estimate_1.json",
     }
 
 
-@pytest.mark.usefixtures("no_command")
 def test_a_run_whose_files_cannot_be_kept_has_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("dynident.studio.folder.move_to_new_name", full)
     session = Folder(tmp_path)
-    runs = Runs(session)
+    runs = StandInRuns(session)
     run = _started(runs, session)
-    _until(lambda: run.state == "failed")
+    until(lambda: run.state == "failed")
     assert "No space left on device" in run.progress[-1] and list(tmp_path.iterdir()) == []
 
 

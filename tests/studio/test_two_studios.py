@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
@@ -20,46 +19,12 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+from stand_ins import StandInRuns, order, until
 
 from dynident.errors import BadOption, DynidentError, FileError
 from dynident.studio.folder import Folder, store_of
 from dynident.studio.history import Edit, History
-from dynident.studio.orders import Order
-from dynident.studio.runs import Run, Runs
-
-#: Stands for a command: writes two files as those of a studio do, waits, and ends with its studio.
-WRITES = """
-import os, shutil, sys, threading, time
-from pathlib import Path
-from dynident.files import stage, write_atomically
-stage(Path.cwd(), Path(sys.argv[1]).resolve())
-def gone():
-    while os.read(0, 1024): pass
-    shutil.rmtree(sys.argv[1], ignore_errors=True)
-    os._exit(9)
-threading.Thread(target=gone, daemon=True).start()
-write_atomically(sys.argv[2], sys.argv[2])
-print("written", file=sys.stderr, flush=True)
-time.sleep(float(sys.argv[3]))
-print("answer")
-"""
-
-
-class StandInRuns(Runs):
-    """Commands that are short processes."""
-
-    def __init__(self, folder: Folder, history: History) -> None:
-        super().__init__(folder, history.runs, history.ran)
-        self.place, self.processes = folder.path, list[subprocess.Popen[str]]()
-
-    def start_process(self, order: Order) -> subprocess.Popen[str]:
-        pipe = subprocess.PIPE
-        arguments = [sys.executable, "-c", WRITES, store_of(order.outputs[0]), *order.arguments[1:]]
-        made = subprocess.Popen(
-            arguments, cwd=self.place, stdin=pipe, stdout=pipe, stderr=pipe, text=True, start_new_session=True
-        )
-        self.processes.append(made)
-        return made
+from dynident.studio.runs import Run
 
 
 class Session:
@@ -68,13 +33,6 @@ class Session:
     def __init__(self, path: Path) -> None:
         self.folder, self.history = Folder(path), History(path)
         self.runs = StandInRuns(self.folder, self.history)
-
-
-def _until(true: Callable[[], object], seconds: float = 30.0) -> None:
-    end = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 _NAMES = st.sampled_from(("log.csv", "case.yaml", "estimate_1.json", "estimate_2.json"))
@@ -113,12 +71,12 @@ class TwoStudios(RuleBasedStateMachine):
         name = session.folder.reserve("estimate", ".json")
         assert name not in self.expected
         try:
-            run = session.runs.start(Order("identify", ("identify", name, str(wait)), (name,)))
+            run = session.runs.start(order(name, wait))
         except BadOption:
             assert sum(one.state == "running" for one in session.runs.all()) == 2
             return
         if not wait:
-            _until(lambda: run.state != "running")
+            until(lambda: run.state != "running")
             assert run.state == "done" and run.outputs[0] not in self.expected, run.progress
             self.expected[run.outputs[0]] = name
             self.done.add(run.order.command)
@@ -173,8 +131,8 @@ class TwoStudios(RuleBasedStateMachine):
                     process.stdin.close()
         else:
             session.runs.close()
-        _until(lambda: all(process.poll() is not None for process in session.runs.processes))
-        _until(lambda: all(not (self.path / store_of(run.order.outputs[0])).exists() for run in waiting))
+        until(lambda: all(process.poll() is not None for process in session.runs.processes))
+        until(lambda: all(not (self.path / store_of(run.order.outputs[0])).exists() for run in waiting))
         self.sessions[which] = Session(self.path)
         known = self.sessions[which]
         assert self.done <= set(known.history.commands(known.runs.all()))
@@ -202,8 +160,8 @@ def test_the_next_session_shows_what_was_done(tmp_path: Path) -> None:
     first = Session(tmp_path)
     for _ in range(2):
         name = first.folder.reserve("estimate", ".json")
-        run = first.runs.start(Order("identify", ("identify", name, "0"), (name,)))
-        _until(lambda run=run: run.state == "done")
+        run = first.runs.start(order(name))
+        until(lambda run=run: run.state == "done")
         first.history.wrote(Edit(first.runs.count, "case.yaml", f"before {name}\n"))
     first.runs.close()
     commands = first.history.commands(first.runs.all())
@@ -218,8 +176,8 @@ def test_the_next_session_shows_what_was_done(tmp_path: Path) -> None:
         (2, "done", ["estimate_2.json"], "answer\n"),
     ]
     name = second.folder.reserve("estimate", ".json")
-    third = second.runs.start(Order("identify", ("identify", name, "0"), (name,)))
-    _until(lambda: third.state == "done")
+    third = second.runs.start(order(name))
+    until(lambda: third.state == "done")
     assert third.number == 3
     (tmp_path / ".studio-0.jsonl").write_text('[]\n{"number": "x", "verb": 1}\n{"text": 1}\n')  # of something else
     assert Session(tmp_path).history.commands(second.runs.all())[:4] == commands
@@ -235,13 +193,13 @@ def test_a_studio_that_is_killed_loses_nothing_that_was_done(tmp_path: Path, log
     )
     process, ask = _own_process(tmp_path)
     run = ask("run", {"verb": "check", "choices": {"case": "arm.yaml"}})
-    _until(lambda: ask(f"run?number={run['number']}")["state"] == "done", 120)
+    until(lambda: ask(f"run?number={run['number']}")["state"] == "done", 120)
     answer = ask(f"run?number={run['number']}")["answer"]
     ask("run", {"verb": "identify", "choices": {"case": "arm.yaml"}})
-    _until(lambda: list(tmp_path.glob(".estimate_1.reserved")))
+    until(lambda: list(tmp_path.glob(".estimate_1.reserved")))
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    _until(lambda: not list(tmp_path.glob(".*.reserved")))
+    until(lambda: not list(tmp_path.glob(".*.reserved")))
     process, ask = _own_process(tmp_path)
     try:
         state = ask("state")

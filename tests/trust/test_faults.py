@@ -13,8 +13,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
+from one_joint_arm import URDF, write_run
 
 from dynident.cli import main as cli
 from dynident.cli.main import main
@@ -27,24 +27,13 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and lim
 Capture = pytest.CaptureFixture[str]
 COMMAND = [sys.executable, "-c", "import sys; from dynident.cli.main import main; sys.exit(main(sys.argv[1:]))"]
 
-URDF = """<robot name="arm"><link name="base"/>
-  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
-    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" effort="100" velocity="3"/></joint></robot>
-"""
-
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with an arm of one joint, a log of 10 s and their case."""
     folder = tmp_path_factory.mktemp("cell")
     (folder / "arm.urdf").write_text(URDF)
-    time = np.arange(1000) / 100
-    q = np.sin(1.7 * time) + 0.3 * np.sin(5 * time)
-    torque = -6 * np.cos(q) + 0.5 * np.gradient(q, time) + np.random.default_rng(0).normal(0, 0.1, q.shape)
-    rows = [",".join(map(repr, row)) for row in np.column_stack([time, q, torque]).tolist()]
-    (folder / "run.csv").write_text("\n".join(["t,q1,tau1", *rows]) + "\n")
+    write_run(folder / "run.csv", 1000)
     how = "estimator: wls\ntrain: [run.csv]\npreprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 50}\n"
     (folder / "case.yaml").write_text(f"case: 1\nrobot: arm.urdf\n{how}")
     return folder

@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from one_joint_arm import URDF, write_run
 
 from short_benchmark import benchmark_text
 
@@ -34,12 +35,6 @@ pytestmark = [
 ]
 
 KILLS, INTERRUPTS = 6, 4
-URDF = """<robot name="arm"><link name="base"/>
-  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
-    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" effort="100" velocity="3"/></joint></robot>
-"""
 CASE = """case: 1
 robot: arm.urdf
 friction: [viscous]
@@ -141,11 +136,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "cell.yaml").write_text(CASE.replace("train: [run0.csv]\n", "") + "cell: {controller: pd}\n")
     with contextlib.chdir(folder):
         for k in range(2):
-            draw, clock = np.random.default_rng(k), np.arange(3000) / 100
-            q = np.sin(1.7 * clock) + 0.3 * np.sin(5 * clock)
-            torque = -6 * np.cos(q) + 0.5 * np.gradient(q, clock) + draw.normal(0, 0.1, q.shape)
-            rows = [",".join(map(repr, row)) for row in np.column_stack([clock, q, torque]).tolist()]
-            Path(f"run{k}.csv").write_text("\n".join(["t,q1,tau1", *rows]) + "\n")
+            write_run(Path(f"run{k}.csv"), 3000, k)
             assert main(f"identify case.yaml run{k}.csv --cross-validate 0 -o r{k}.json --quiet".split()) == 0
             assert main(f"reduce case.yaml run{k}.csv -o r{k}.tri --quiet".split()) == 0
         assert main("excite arm.urdf --starts 1 --time-limit 1 --period 5 -o plan.json --quiet".split()) == 0

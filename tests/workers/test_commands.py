@@ -16,6 +16,7 @@ from dynident.data.formats import write_log
 from dynident.data.log import Log
 from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
+from short_benchmark import benchmark_text
 
 Capture = pytest.CaptureFixture[str]
 
@@ -89,13 +90,8 @@ def test_what_does_not_go_with_a_cluster(capsys: Capture, folder: Path) -> None:
 
 @pytest.mark.battery
 def test_a_benchmark_on_a_cluster_is_the_benchmark(capsys: Capture, folder: Path, scheduler: str) -> None:
-    (folder / "mine.yaml").write_text(
-        "benchmark: 1\ntitle: mine\nrobots: [generic-scara]\nfriction: [{coulomb: {width: 0.1}}, viscous]\n"
-        "motion: {period_s: 4, starts: 1, time_limit_s: 1}\n"
-        "cell: {controller: {pd: {rate: 250}}, recorder: {rate: 250}}\nrates_hz: [125]\nduration_s: 4\n"
-        "noise:\n  - {name: low, position: 1.0e-5, torque: 0.1}\ndraws: 2\n"
-        "preparations: {filtered: {filter: {butterworth: {cutoff_hz: 20}}}}\nmethods: {filtered: [ols, wls]}\n"
-    )
+    text = benchmark_text("generic-scara", "[{coulomb: {width: 0.1}}, viscous]", draws=1)
+    (folder / "mine.yaml").write_text(text)
     found = []
     for more in ([], ["--scheduler", scheduler]):
         out = f"out{len(found)}"

@@ -58,13 +58,13 @@ class MeasuredMotion:
         return zero_phase(columns, self.low_pass, _PAD).T.reshape(values.shape)
 
 
-def measured_motion(log: ServoLog, cutoff_hz: float = CUTOFF_HZ) -> MeasuredMotion:
+def measured_motion(log: ServoLog) -> MeasuredMotion:
     """Return the filtered motion of a log and its derivatives."""
     step = float(np.median(np.diff(log.time)))
     count = max(round((log.time[-1] - log.time[0]) / (step if step <= COARSE_STEP else GRID_STEP)) + 1, 32)
     time = np.linspace(log.time[0], log.time[-1], count)
     rate = (count - 1) / (time[-1] - time[0])
-    low_pass = butterworth(_ORDER, min(cutoff_hz, 0.2 / step), rate)
+    low_pass = butterworth(_ORDER, min(CUTOFF_HZ, 0.2 / step), rate)
     q = zero_phase(between(log.time, log.q, time).T, low_pass, _PAD).T
     dq = np.gradient(q, time, axis=0)
     return MeasuredMotion(time, q, dq, np.gradient(dq, time, axis=0), low_pass)

@@ -122,6 +122,19 @@ class Robot(ShortText):
         """Unit of each joint's effort: N m or N."""
         return tuple(joint.unit for joint in self.active)
 
+    @property
+    def tips(self) -> tuple[int, ...]:
+        """Places of the links that carry no other, the ends of the branches."""
+        parents = {joint.parent for joint in self.joints}
+        return tuple(i for i in range(len(self.links)) if i not in parents)
+
+    def carriers(self, link: int) -> list[int]:
+        """Return the place of a link, and those of the links that carry it in the order of the way to the base."""
+        found = [link]
+        while (parent := self.joints[found[-1]].parent) >= 0:
+            found.append(parent)
+        return found
+
     @cached_property
     def is_coupled(self) -> bool:
         """Whether a motor moves more than its own joint."""

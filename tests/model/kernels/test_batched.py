@@ -55,14 +55,6 @@ def test_dynamics_agree_with_pinocchio(arm: Arm) -> None:
             assert np.abs(places[s, i] - data.oMi[i + 1].translation).max() < 1e-12
 
 
-def test_torque_is_linear_in_any_parameters(arm: Arm) -> None:
-    """tau = Y theta, for parameters that no body has too."""
-    theta = np.random.default_rng(3).normal(size=10 * arm.chain.links)
-    motion = arm.states(9)
-    rows = batched.torque_regressor(arm.chain, *motion)
-    assert error(rows @ theta, batched.inverse_dynamics(arm.chain, theta, *motion)) < 1e-12
-
-
 def test_forward_dynamics_inverts_inverse_dynamics_of_any_parameters(arm: Arm) -> None:
     """An indefinite mass matrix is solved too."""
     theta = np.random.default_rng(4).normal(size=10 * arm.chain.links)

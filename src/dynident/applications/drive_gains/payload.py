@@ -108,19 +108,11 @@ def hand_of(robot: Robot, link: int) -> int:
 
     Fingers are branches that move together: a joint of one follows that of another.
     """
-    own, places = _with_parents(robot, link), {joint.name: i for i, joint in enumerate(robot.joints)}
+    own, places = robot.carriers(link), {joint.name: i for i, joint in enumerate(robot.joints)}
     for i, joint in enumerate(robot.joints):
         if joint.mimic is not None:
-            follower, leader = _with_parents(robot, i), _with_parents(robot, places[joint.mimic.joint])
+            follower, leader = robot.carriers(i), robot.carriers(places[joint.mimic.joint])
             shared = next((each for each in follower if each in leader), -1)
             if shared not in (-1, leader[0]) and shared in own[1:]:
                 link = min(link, shared)
     return link
-
-
-def _with_parents(robot: Robot, link: int) -> list[int]:
-    """Return a link, and those that carry it in the order of the way to the base."""
-    found = [link]
-    while (parent := robot.joints[found[-1]].parent) >= 0:
-        found.append(parent)
-    return found

@@ -27,8 +27,7 @@ def ends_of(robot: Robot) -> tuple[str, ...]:
     for i, joint in enumerate(robot.joints):
         if joint.parent in beyond:
             beyond.add(i)
-    parents = {joint.parent for joint in robot.joints}
-    tips = (hand_of(robot, i) for i in range(len(robot.links)) if i not in parents)
+    tips = (hand_of(robot, i) for i in robot.tips)
     return first.frame_in(robot), *dict.fromkeys(robot.links[i].name for i in tips if i not in beyond)
 
 

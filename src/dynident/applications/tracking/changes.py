@@ -78,9 +78,8 @@ def changes_of(model: DynamicModel, base: BaseParameters, torque: Array) -> tupl
     robot = model.robot
     links = len(robot.links)
     sizes = parameter_sizes(model, np.ones(links), np.full(links, 0.1), torque)
-    parents = {joint.parent for joint in robot.joints}
     found = []
-    for link in (k for k in range(links) if k not in parents):
+    for link in robot.tips:
         found.append(_change("load", robot.links[link].name, base, np.arange(10 * link, 10 * link + 10), sizes))
     for joint in robot.joint_names:
         own = [k for k, p in enumerate(model.parameters) if p.kind == "friction" and p.owner == joint]

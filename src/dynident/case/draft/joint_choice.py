@@ -101,18 +101,9 @@ def outside_limits(joints: Sequence[Joint], q: Array) -> list[str]:
 
 def _windows(robot: Robot, count: int) -> list[tuple[Joint, ...]]:
     """Return the runs of ``count`` moving joints that follow each other from the base to a leaf."""
-    parents = {joint.parent for joint in robot.joints}
     found: list[tuple[Joint, ...]] = []
-    for leaf in range(len(robot.joints)):
-        if leaf in parents:
-            continue
-        path: list[Joint] = []
-        k = leaf
-        while k >= 0:
-            if robot.joints[k].mimic is None:
-                path.append(robot.joints[k])
-            k = robot.joints[k].parent
-        path.reverse()
+    for tip in robot.tips:
+        path = [robot.joints[k] for k in reversed(robot.carriers(tip)) if robot.joints[k].mimic is None]
         found += [tuple(path[start : start + count]) for start in range(len(path) - count + 1)]
     unique = {tuple(joint.name for joint in window): window for window in found}
     return list(unique.values())

@@ -33,13 +33,11 @@ def ends(fit: QuickFit) -> dict[str, int]:
     A robot of one such joint has its last link alone, and no name.
     """
     robot, found = fit.model.robot, dict[str, int]()
-    parents = {joint.parent for joint in robot.joints}
-    for link in (i for i in range(len(robot.links)) if i not in parents):
-        place = link
-        while place >= 0 and robot.joints[place].name not in robot.joint_names:
-            place = robot.joints[place].parent
-        if place >= 0:
-            found[robot.joints[place].name] = link
+    for link in robot.tips:
+        names = (robot.joints[place].name for place in robot.carriers(link))
+        moving = next((name for name in names if name in robot.joint_names), "")
+        if moving:
+            found[moving] = link
     return found if len(found) > 1 else {"": len(robot.links) - 1}
 
 

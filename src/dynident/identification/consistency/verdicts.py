@@ -105,7 +105,7 @@ def _friction_of(model: DynamicModel, base: BaseParameters, beta: Array) -> Arra
     return np.array(list(sizes.values()))
 
 
-def describe_reasons(reasons: Sequence[str], most: int = 3) -> str:
+def describe_reasons(reasons: Sequence[str]) -> str:
     """Return the first reasons in one line."""
-    more = f" and {len(reasons) - most} more" if len(reasons) > most else ""
-    return "; ".join(reasons[:most]) + more
+    more = f" and {len(reasons) - 3} more" if len(reasons) > 3 else ""
+    return "; ".join(reasons[:3]) + more

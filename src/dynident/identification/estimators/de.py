@@ -9,14 +9,13 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
-from dynident.identification.search.box_search import BoxSearch, check_population
+from dynident.identification.search.box_search import PopulationSearch
 from dynident.identification.search.landscape import Landscape
 from dynident.identification.search.swarm import Ground, Stage
-from dynident.plugins import bounded
 
 
 @dataclass(frozen=True, kw_only=True)
-class DifferentialEvolution(BoxSearch):
+class DifferentialEvolution(PopulationSearch):
     """Differential evolution DE/rand/1/bin (Storn and Price 1997); the certified optimum is reported as well.
 
     Per generation and point i: the mutant v = x_a + F (x_b - x_c) of three other points, (2) there; a trial that takes
@@ -30,21 +29,15 @@ class DifferentialEvolution(BoxSearch):
         crossover: Probability CR that a parameter comes from the mutant.
     """
 
-    population: int = bounded(30, most=10_000)
     factor: float = 0.5
     crossover: float = 0.9
 
     def __post_init__(self) -> None:
-        check_population(self.population, 4)
         if not 0 < self.factor <= 2:
             raise BadOption("factor", self.factor, "give a number above 0, at most 2, such as 0.5")
         if not 0 <= self.crossover <= 1:
             raise BadOption("crossover", self.crossover, "give a probability, such as 0.9")
         super().__post_init__()
-
-    @property
-    def costs(self) -> tuple[int, int]:
-        return self.population, self.population
 
     def stages(self, land: Landscape, lower: Array, upper: Array) -> Iterator[Stage]:
         ground, count = Ground(land, lower, upper, self.seed), self.population

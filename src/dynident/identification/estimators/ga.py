@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
-from dynident.identification.search.box_search import BoxSearch, check_population
+from dynident.identification.search.box_search import PopulationSearch
 from dynident.identification.search.landscape import Landscape
 from dynident.identification.search.swarm import Ground, Stage
 from dynident.plugins import bounded
@@ -19,7 +19,7 @@ SAME = 1e-14
 
 
 @dataclass(frozen=True, kw_only=True)
-class GeneticAlgorithm(BoxSearch):
+class GeneticAlgorithm(PopulationSearch):
     """A genetic algorithm (Holland 1975, Goldberg 1989) on real numbers; the certified optimum is reported as well.
 
     Per generation: parents by tournament (Goldberg and Deb 1991), simulated binary crossover (Deb and Agrawal 1995),
@@ -36,7 +36,6 @@ class GeneticAlgorithm(BoxSearch):
         mutation_index: Index eta_m of the mutation: the larger, the smaller the change.
     """
 
-    population: int = bounded(30, most=10_000)
     elites: int = bounded(4, most=10_000)
     tournament: int = bounded(2, most=1_000)
     crossover: float = 0.9
@@ -45,7 +44,6 @@ class GeneticAlgorithm(BoxSearch):
     mutation_index: float = 20.0
 
     def __post_init__(self) -> None:
-        check_population(self.population, 4)
         if self.population % 2:
             raise BadOption("population", self.population, "give an even number: children come in pairs")
         if not 1 <= self.elites < self.population:
@@ -62,10 +60,6 @@ class GeneticAlgorithm(BoxSearch):
             if not 0 <= getattr(self, name) < np.inf:
                 raise BadOption(name, getattr(self, name), "give 0 or more, such as 3")
         super().__post_init__()
-
-    @property
-    def costs(self) -> tuple[int, int]:
-        return self.population, self.population
 
     def stages(self, land: Landscape, lower: Array, upper: Array) -> Iterator[Stage]:
         ground, count = Ground(land, lower, upper, self.seed), self.population

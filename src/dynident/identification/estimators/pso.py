@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
-from dynident.identification.search.box_search import BoxSearch, check_population
+from dynident.identification.search.box_search import PopulationSearch
 from dynident.identification.search.landscape import Landscape
 from dynident.identification.search.swarm import Ground, Stage
-from dynident.plugins import bounded
 
 
 @dataclass(frozen=True, kw_only=True)
-class ParticleSwarm(BoxSearch):
+class ParticleSwarm(PopulationSearch):
     """Particle swarm (Kennedy and Eberhart 1995) with constriction; the certified optimum is reported as well.
 
     Per iteration v <- chi (v + r_1 c_1 (p - x) + r_2 c_2 (g - x)), x <- x + v, with p the best place of the particle, g
@@ -34,14 +33,14 @@ class ParticleSwarm(BoxSearch):
         informants: all particles, or ring: itself and the two neighbours (Kennedy and Mendes 2002), slower and surer.
     """
 
-    population: int = bounded(30, most=10_000)
+    least: ClassVar = 3
+
     own: float = 2.8
     social: float = 1.3
     largest_speed: float = 0.5
     informants: Literal["all", "ring"] = "all"
 
     def __post_init__(self) -> None:
-        check_population(self.population, 3)
         if not 0 <= self.own < np.inf:
             raise BadOption("own", self.own, "give 0 or more, such as 2.8")
         if not (0 <= self.social < np.inf and self.own + self.social > 4):
@@ -51,10 +50,6 @@ class ParticleSwarm(BoxSearch):
         if self.informants not in ("all", "ring"):
             raise BadOption("informants", self.informants, "choose all or ring")
         super().__post_init__()
-
-    @property
-    def costs(self) -> tuple[int, int]:
-        return self.population, self.population
 
     @property
     def constriction(self) -> float:

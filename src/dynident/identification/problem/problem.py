@@ -248,16 +248,16 @@ def _travel(joint: Joint) -> float:
     return min(span, LONGEST_TRAVEL) if 0.0 < span < np.inf else TRAVEL
 
 
-def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) -> None:
+def check_rank(reduced: Reduced, base: BaseParameters) -> None:
     """Check that rows, weighted or chosen in whatever way, determine all base parameters.
 
     Raises:
-        PoorExcitation: A direction with unit columns is below ``tolerance`` of the strongest.
+        PoorExcitation: A direction with unit columns is below 1e-9 of the strongest.
     """
     norms = reduced.column_norms
     scale = np.where(norms > 0, norms, 1.0)
     _, values, directions = np.linalg.svd(reduced.r / scale)
-    weak = values <= tolerance * values[0]
+    weak = values <= 1e-9 * values[0]
     if not weak.any():
         return
     share = np.abs(directions[weak]).max(axis=0)

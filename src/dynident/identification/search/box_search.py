@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -173,14 +173,22 @@ class BoxSearch(Estimator):
         return bound
 
 
-def check_population(population: int, least: int) -> None:
-    """Refuse a population that is too small for the moves of its method.
+@dataclass(frozen=True, kw_only=True)
+class PopulationSearch(BoxSearch):
+    """Search by points that are all moved in each iteration; ``least`` is how few its moves take."""
 
-    Raises:
-        BadOption: Fewer points than ``least``.
-    """
-    if population < least:
-        raise BadOption("population", population, f"give {least} or more")
+    least: ClassVar[int] = 4
+
+    population: int = bounded(30, most=10_000)
+
+    def __post_init__(self) -> None:
+        if self.population < self.least:
+            raise BadOption("population", self.population, f"give {self.least} or more")
+        super().__post_init__()
+
+    @property
+    def costs(self) -> tuple[int, int]:
+        return self.population, self.population
 
 
 def _lower_of(optimum: Optimum, swarm: Swarm) -> Optimum:

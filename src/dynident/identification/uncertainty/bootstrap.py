@@ -46,7 +46,7 @@ class BootstrapDraws:
         return low, high
 
 
-def block_bootstrap(problem: Problem, weights: Array, beta: Array, draws: int = 200, seed: int = 0) -> BootstrapDraws:
+def block_bootstrap(problem: Problem, weights: Array, beta: Array, draws: int = 200) -> BootstrapDraws:
     """Return least-squares estimates over residuals drawn in circular blocks, each log by itself.
 
     Residuals are made as large as the noise: the fit takes b degrees of freedom of the rows, those that hang together
@@ -57,14 +57,13 @@ def block_bootstrap(problem: Problem, weights: Array, beta: Array, draws: int = 
         weights: Weight of each joint's rows in the fit, shape (n,).
         beta: The estimate, shape (b,).
         draws: How many.
-        seed: Of the generator.
     """
     passes = RowPasses(problem)
     inverse = least_squares(problem.reduced(weights)).unscaled_covariance
     residual = passes.residuals(beta)
     independent = float(np.sum(problem.counts / residual_factors(passes, beta)))
     residual = residual / np.sqrt(max(1.0 - problem.base.count / independent, FEWEST_FREE))
-    found = errors_drawn(stretches(passes), passes.columns, residual, weights, inverse, draws, seed)
+    found = errors_drawn(stretches(passes), passes.columns, residual, weights, inverse, draws)
     return replace(found, beta=beta + found.beta)
 
 
@@ -127,7 +126,6 @@ def refitted(
     fit: Callable[[Reduced], Array],
     to_beta: Callable[[Array], Array],
     draws: int = 200,
-    seed: int = 0,
 ) -> BootstrapDraws:
     """Return estimates of standard parameters over base parameters drawn from a normal distribution.
 
@@ -138,10 +136,9 @@ def refitted(
         fit: From a triangle to standard parameters, shape (p,).
         to_beta: From standard to base parameters.
         draws: How many.
-        seed: Of the generator.
     """
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    noise = np.random.default_rng(seed).normal(size=(draws, len(beta))) @ root.T
+    noise = np.random.default_rng(0).normal(size=(draws, len(beta))) @ root.T
     theta = np.array([fit(replace(reduced, z=reduced.r @ (beta + one))) for one in noise])
     return BootstrapDraws(np.array([to_beta(one) for one in theta]), theta)

@@ -18,7 +18,6 @@ def convergence_chart(
     traces: Mapping[str, Sequence[float]],
     optimum: float | None = None,
     objective: str = "objective",
-    width: float = WIDTH,
 ) -> str:
     """Return the best objective so far over iterations, the optimum as a line. Figure 6 of the article.
 
@@ -29,7 +28,6 @@ def convergence_chart(
         traces: Objective after each iteration, by name of the estimator; one value at least.
         optimum: The least objective possible, where it is known.
         objective: What it is, with its unit.
-        width: Of the figure.
     """
     lines = [(name, np.arange(1.0, len(trace) + 1), np.asarray(trace, dtype=float)) for name, trace in traces.items()]
     levels, said = [], "; ".join(f"{label(name)} ends at {format_number(float(y[-1]))}" for name, _, y in lines)
@@ -45,7 +43,7 @@ def convergence_chart(
         f"Objective over iterations: {said}.",
         log=(_is_wide(np.array([float(len(y)) for _, _, y in lines])), _is_wide(values[np.isfinite(values)])),
         levels=levels,
-        size=(width, 210.0),
+        size=(WIDTH, 210.0),
     )
 
 

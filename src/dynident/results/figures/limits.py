@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.results.figures.chart import WIDTH, Across, Level, Line, Plot, chart
+from dynident.results.figures.chart import Across, Level, Line, Plot, chart
 from dynident.results.text import format_given, format_number, label, pretty_unit
 
 #: A limit is drawn where the motion comes this near to it, as a share; else it is only stated.
@@ -42,7 +42,7 @@ class Bounded:
         return float(np.nanmax(np.abs(self.values - centre))) / reach
 
 
-def limit_chart(joint: str, time: Array, signals: Sequence[Bounded], width: float = WIDTH) -> str:
+def limit_chart(joint: str, time: Array, signals: Sequence[Bounded]) -> str:
     """Return signals of a joint over time, one plot each, with their limits as lines (Figure 4 of the article).
 
     A limit that the signal stays far away from is stated beside the unit, so that the signal can be seen.
@@ -51,7 +51,6 @@ def limit_chart(joint: str, time: Array, signals: Sequence[Bounded], width: floa
         joint: Name of the joint.
         time: Shape (N,), in s.
         signals: What is drawn, from top to bottom.
-        width: Of the figure.
     """
     plots = [_plot(time, signal, colour) for colour, signal in enumerate(signals, start=1)]
     told = [
@@ -61,7 +60,7 @@ def limit_chart(joint: str, time: Array, signals: Sequence[Bounded], width: floa
         for signal in signals
     ]
     said = f"Motion of {label(joint)} over {format_number(float(time[-1]), 3)} s: {'; '.join(told)}."
-    return chart(label(joint), said, Across("time [s]"), plots, width)
+    return chart(label(joint), said, Across("time [s]"), plots)
 
 
 def _plot(time: Array, signal: Bounded, colour: int) -> Plot:

@@ -18,6 +18,9 @@ from dynident.results.figures.scenery import Scenery, draw_behind, draw_marks, p
 from dynident.results.figures.view import LabelPlace, View
 from dynident.results.text import format_number
 
+#: Height of the view at most.
+_HIGHEST = 340.0
+
 
 @dataclass(frozen=True)
 class ToolPath:
@@ -64,16 +67,12 @@ def tool_path(robot: Robot, q: Array, most: int = 1500, point: ToolPoint | None 
     return ToolPath(np.array(points), np.array(bones))
 
 
-def path_chart(
-    title: str, path: ToolPath, width: float = WIDTH, most: float = 340.0, scenery: Scenery | None = None
-) -> str:
+def path_chart(title: str, path: ToolPath, scenery: Scenery | None = None) -> str:
     """Return the path in an axonometric view: floor grid, axes in metres, the robot at the start.
 
     Args:
         title: What it shows.
         path: Points and bones.
-        width: Of the figure.
-        most: Height of the view at most.
         scenery: What stands around, and marks on the path.
     """
     around = scenery or Scenery()
@@ -87,7 +86,7 @@ def path_chart(
     low[2] = min(low[2], 0.0) if ground is None or cloud[:, 2].min() < ground - 1e-9 else ground
     floor = [[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])]
     walls = [plane_outline(plane, low, high) for plane in around.half_spaces.values()]
-    view = View.around(np.concatenate([cloud, floor, [[low[0], low[1], high[2]]], *walls]), width, most)
+    view = View.around(np.concatenate([cloud, floor, [[low[0], low[1], high[2]]], *walls]), WIDTH, _HIGHEST)
     taken: list[LabelPlace] = []
     body = [
         svg.element("g", svg.words(title, 0, 15, "ink"), {"font-weight": "600"}),
@@ -112,7 +111,7 @@ def path_chart(
     )
     said = f"Path of the tool in the base frame, {spans}; its shadow on the floor and the robot at the start."
     said += around.said()
-    return svg.drawing(width, view.height, "".join(body), title, said)
+    return svg.drawing(WIDTH, view.height, "".join(body), title, said)
 
 
 def _box(view: View, low: Array, high: Array, step: float, taken: list[LabelPlace]) -> str:

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.results.figures.chart import WIDTH, Across, Cloud, Line, Plot, chart
+from dynident.results.figures.chart import Across, Cloud, Line, Plot, chart
 from dynident.results.text import label, pretty_unit
 
 #: Rows that a stretch of speeds needs before its median says anything.
 _ENOUGH = 20
 
 
-def residual_chart(joint: str, unit: str, speed_unit: str, speed: Array, residual: Array, width: float = WIDTH) -> str:
+def residual_chart(joint: str, unit: str, speed_unit: str, speed: Array, residual: Array) -> str:
     """Return the residual of a joint over its speed; a median that leaves zero is friction the model does not have.
 
     Args:
@@ -23,13 +23,12 @@ def residual_chart(joint: str, unit: str, speed_unit: str, speed: Array, residua
         speed_unit: rad/s or m/s.
         speed: Shape (N,).
         residual: Shape (N,).
-        width: Of the figure.
     """
     middle, medians = running_median(speed, residual)
     marks = (Cloud("rows", speed, residual, 1), Line("median", middle, medians, 2, 2.0))
     plot = Plot(f"residual [{pretty_unit(unit)}]", marks, 170.0)
     said = f"Residual of {label(joint)} over its speed, {len(speed)} rows as density, and its median by speed."
-    return chart(label(joint), said, Across(f"speed [{speed_unit}]", pad=0.02), [plot], width)
+    return chart(label(joint), said, Across(f"speed [{speed_unit}]", pad=0.02), [plot])
 
 
 def running_median(x: Array, y: Array, bins: int = 31) -> tuple[Array, Array]:

@@ -20,26 +20,25 @@ _STEP = 19.0  # height of a row with one value
 _VALUES = 138.0  # width of the column of values with their intervals
 
 
-def error_chart(title: str, joints: Sequence[str], sets: Sequence[tuple[str, Array]], width: float = WIDTH) -> str:
+def error_chart(title: str, joints: Sequence[str], sets: Sequence[tuple[str, Array]]) -> str:
     """Return bars of relative errors from zero, a group for each joint and a bar for each set.
 
     Args:
         title: What it shows.
         joints: Names, K of them.
         sets: Name of a set and its errors as fractions, shape (K,); NaN has no bar.
-        width: Of the figure.
     """
     nothing = np.zeros(0)
     legend = [Line(name, nothing, nothing, _colour(k, len(sets))) for k, (name, _) in enumerate(sets)]
-    head, top = heading(title, legend, width)
-    names = [shorten(label(name), int(_NAMES * width / svg.LETTER)) for name in joints]
+    head, top = heading(title, legend, WIDTH)
+    names = [shorten(label(name), int(_NAMES * WIDTH / svg.LETTER)) for name in joints]
     left = 10 + max((svg.breadth(text) for text in names), default=0.0)
     most = finite_range(np.zeros(1), *(100.0 * errors for _, errors in sets))[1]
-    scale = Linear(0.0, most, left, width - 62.0)
+    scale = Linear(0.0, most, left, WIDTH - 62.0)
     step = _BAR * len(sets) + 8.0
     top += 12.0
     bottom = top + step * len(names)
-    body = [head, *_axis(scale, top, bottom), svg.words("relative error [%]", width - 12, bottom + 35, anchor="end")]
+    body = [head, *_axis(scale, top, bottom), svg.words("relative error [%]", WIDTH - 12, bottom + 35, anchor="end")]
     for row, (name, text) in enumerate(zip(joints, names, strict=True)):
         middle = top + step * (row + 0.5)
         body.append(svg.words(text, left - 8, middle + 4.5, anchor="end", full=name if text != name else ""))
@@ -53,7 +52,7 @@ def error_chart(title: str, joints: Sequence[str], sets: Sequence[tuple[str, Arr
         f"{label(name)} " + ", ".join(f"{called} {format_percent(float(errors[row]))}" for called, errors in sets)
         for row, name in enumerate(joints)
     )
-    return svg.drawing(width, bottom + 42, "".join(body), title, f"Relative errors of the torque: {said}.")
+    return svg.drawing(WIDTH, bottom + 42, "".join(body), title, f"Relative errors of the torque: {said}.")
 
 
 def _colour(place: int, count: int) -> int:
@@ -81,7 +80,7 @@ class Intervals:
         return np.isfinite(self.half_widths) & (np.abs(self.values) > self.half_widths)
 
 
-def interval_chart(title: str, unit: str, found: Intervals, width: float = WIDTH) -> str:
+def interval_chart(title: str, unit: str, found: Intervals) -> str:
     """Return values with their intervals in the order given, those whose interval holds zero as hollow rings.
 
     The axis holds zero and all values; an interval that reaches further is cut there and ends in an arrow.
@@ -90,13 +89,12 @@ def interval_chart(title: str, unit: str, found: Intervals, width: float = WIDTH
         title: What it shows.
         unit: Of the values, as it is printed.
         found: The values.
-        width: Of the figure.
     """
-    names = [shorten(label(name), int(_NAMES * width / svg.LETTER)) for name in found.names]
+    names = [shorten(label(name), int(_NAMES * WIDTH / svg.LETTER)) for name in found.names]
     left = 10 + max((svg.breadth(text) for text in names), default=0.0)
     values = [_written(float(v), float(half)) for v, half in zip(found.values, found.half_widths, strict=True)]
-    scale = Linear(*_reach(found), left + 8, width - _VALUES)
-    head, top = heading(title, (), width)
+    scale = Linear(*_reach(found), left + 8, WIDTH - _VALUES)
+    head, top = heading(title, (), WIDTH)
     top += 8.0
     bottom = top + _STEP * len(names)
     body = [
@@ -104,16 +102,16 @@ def interval_chart(title: str, unit: str, found: Intervals, width: float = WIDTH
         *_axis(scale, top, bottom),
         svg.words("value" if unit == "1" else f"value [{unit}]", scale.end, bottom + 35, anchor="end"),
     ]
-    body.append(svg.words("value ± 95 %", width - 2, bottom + 35, anchor="end"))
+    body.append(svg.words("value ± 95 %", WIDTH - 2, bottom + 35, anchor="end"))
     clear = found.clear
     for row, (name, text, value) in enumerate(zip(found.names, names, values, strict=True)):
         y = top + _STEP * (row + 0.5)
         body.append(svg.words(text, left - 8, y + 4.5, anchor="end", full=name if text != name else ""))
         body.append(_interval(scale, y, float(found.values[row]), float(found.half_widths[row]), bool(clear[row])))
-        body.append(svg.words(value, width - 2, y + 4.5, "ink" if clear[row] else "soft", "end"))
+        body.append(svg.words(value, WIDTH - 2, y + 4.5, "ink" if clear[row] else "soft", "end"))
     most = "; ".join(f"{label(name)} {value}" for name, value in list(zip(found.names, values, strict=True))[:5])
     said = f"{len(names)} values in {unit}, {int(np.sum(clear))} significant at 95 %; the largest: {most}."
-    return svg.drawing(width, bottom + 42, "".join(body), title, said)
+    return svg.drawing(WIDTH, bottom + 42, "".join(body), title, said)
 
 
 def _written(value: float, half: float) -> str:

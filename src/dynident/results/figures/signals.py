@@ -157,7 +157,7 @@ def torque_chart(joint: str, unit: str, signals: TorqueSignals, detail: int = 0)
         stated = np.isfinite(residual) & np.isfinite(bands.whole)
         inside = np.abs(residual[stated]) <= bands.whole[stated]
         said += f" {format_percent(float(np.mean(inside)))} of the samples lie in the 95 % band." * bool(len(inside))
-    return chart(label(joint), said, Across("time [s]", signals.starts, parts=signals.parts), plots, WIDTH, detail)
+    return chart(label(joint), said, Across("time [s]", signals.starts, parts=signals.parts), plots, detail=detail)
 
 
 def small_torque_chart(
@@ -197,7 +197,6 @@ def torque_overview(
     measured: Array,
     predicted: Array,
     starts: Sequence[int] = (0,),
-    width: float = WIDTH,
 ) -> str:
     """Return measured and predicted torques of all joints, one plot each over a common time axis. Figures 7 and 9.
 
@@ -208,7 +207,6 @@ def torque_overview(
         measured: Shape (N, n).
         predicted: Shape (N, n).
         starts: First sample of each log; a gap stands between two.
-        width: Of the figure.
     """
     shown = run_time(time, starts)
     plots = [
@@ -223,7 +221,7 @@ def torque_overview(
         for k, (name, unit) in enumerate(joints)
     ]
     said = f"Measured and predicted torques of {', '.join(label(name) for name, _ in joints)} over time."
-    return chart(title, said, Across("time [s]", tuple(starts)), plots, width)
+    return chart(title, said, Across("time [s]", tuple(starts)), plots)
 
 
 def trajectory_chart(
@@ -234,7 +232,6 @@ def trajectory_chart(
     q: Array,
     dq: Array | None = None,
     starts: Sequence[int] = (0,),
-    width: float = WIDTH,
 ) -> str:
     """Return positions and speeds of the joints over time; turning and sliding joints apart. Figures 4 and 8.
 
@@ -246,7 +243,6 @@ def trajectory_chart(
         q: Positions, shape (N, n), in rad or m.
         dq: Speeds, shape (N, n), in rad/s or m/s; None draws positions only.
         starts: First sample of each log; a gap stands between two.
-        width: Of the figure.
     """
     shown = run_time(time, starts)
     lines = coloured([(label(name), shown, q[:, k]) for k, name in enumerate(joints)])
@@ -262,4 +258,4 @@ def trajectory_chart(
         f"{label(name)} from {format_number(float(low), 3)} to {format_number(float(high), 3)}"
         for name, low, high in zip(joints, np.min(q, axis=0), np.max(q, axis=0), strict=True)
     )
-    return chart(title, f"Positions over time: {reach}.", Across("time [s]", tuple(starts)), plots, width)
+    return chart(title, f"Positions over time: {reach}.", Across("time [s]", tuple(starts)), plots)
