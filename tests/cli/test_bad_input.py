@@ -119,56 +119,6 @@ def test_bad_log(fault: str, arm: Callable[..., Path], tmp_path: Path, capsys: p
     assert all(word in message for word in words), message
 
 
-ROBOTS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "entity": (
-        '<!DOCTYPE robot [<!ENTITY a "x">]>' + URDF.split("\n", 1)[1].replace('name="arm"', 'name="&a;"'),
-        ("arm.urdf",),
-    ),
-    "dtd": ("<!DOCTYPE robot>" + URDF.split("\n", 1)[1], ("arm.urdf",)),
-    "cycle": (URDF.replace('parent link="base"', 'parent link="lower"'), ("arm.urdf",)),
-    "two roots": (
-        URDF.replace('<link name="base"/>', '<link name="base"/><link name="stray"/>'),
-        ("arm.urdf", "stray"),
-    ),
-    "mass 1,5": (URDF.replace('mass value="3"', 'mass value="1,5"'), ("arm.urdf", "upper", "'1,5'")),
-    "mass nan": (URDF.replace('mass value="3"', 'mass value="nan"'), ("arm.urdf", "upper", "'nan'")),
-    "mass negative": (URDF.replace('mass value="3"', 'mass value="-3"'), ("arm.urdf", "upper", "-3")),
-    "axis zero": (URDF.replace('<axis xyz="0 1 0"/>\n', '<axis xyz="0 0 0"/>\n', 1), ("arm.urdf", "shoulder")),
-    "cut off": (URDF[:300], ("arm.urdf",)),
-}
-
-
-@pytest.mark.parametrize("fault", ROBOTS)
-def test_bad_robot(fault: str, arm: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text, words = ROBOTS[fault]
-    message = refused(["inspect", str(arm(text))], tmp_path, capsys)
-    assert all(word in message for word in words), message
-
-
-CASES: dict[str, tuple[str, tuple[str, ...]]] = {
-    "unknown key": ("frction: [coulomb]", ("case.yaml", "'frction'", "did you mean 'friction'?")),
-    "unit word": ("log: {units: {position: degrees}}", ("case.yaml", "'degrees'", "did you mean 'deg'?")),
-    "joint": ("joints: [shoulder, elbw]", ("case.yaml", "'elbw'", "elbow")),
-    "friction": ("friction: [coulom]", ("case.yaml", "'coulom'", "did you mean 'coulomb'?")),
-    "option": ("friction: [{coulomb: {widht: 0.1}}]", ("case.yaml", "widht", "did you mean 'width'?")),
-    "value": ("friction: [{coulomb: {width: -1}}]", ("case.yaml", "width", "-1")),
-    "split": ("split: first:1.5", ("case.yaml", "first:1.5")),
-    "locked": ("locked: {wrist: 0}", ("case.yaml", "'wrist'")),
-}
-
-
-@pytest.mark.parametrize("fault", CASES)
-def test_bad_case(fault: str, arm: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    line, words = CASES[fault]
-    arm()
-    log = tmp_path / "run.csv"
-    log.write_text(table(rows()), encoding="utf-8")
-    case = tmp_path / "case.yaml"
-    case.write_text(f"case: 1\nrobot: arm.urdf\n{line}\n", encoding="utf-8")
-    message = refused(["identify", str(case), str(log)], tmp_path, capsys)
-    assert all(word in message for word in words), message
-
-
 def test_the_log_of_these_tests_is_sound(
     arm: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -85,15 +85,6 @@ def test_without_a_command_there_is_help(capsys: Capture) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_of_every_command(command: str, capsys: Capture) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main([command, "--help"])
-    out = capsys.readouterr().out
-    assert caught.value.code == 0
-    assert out.startswith(f"usage: dynident {command}") and f"dynident {command}" in out.split("\n", 1)[1]
-
-
-@pytest.mark.parametrize("command", COMMANDS)
 def test_help_fits_one_screen_has_an_example_and_names_the_help_with_all_options(
     command: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -221,13 +212,6 @@ def test_without_a_test_log_there_are_no_test_figures(capsys: Capture) -> None:
 def test_json_says_nothing_else(capsys: Capture) -> None:
     assert main(["identify", "arm.json", "run.csv", "--json"]) == 0
     assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize("estimator", ["ols", "wls", "consistent", "abc"])
-def test_every_estimator_by_name(estimator: str, capsys: Capture) -> None:
-    data = answered_json(capsys, "identify", "arm.json", "run.csv", "--estimator", estimator)
-    assert data["estimator"] == estimator and data["samples"] > 500
-    assert (data["standard_parameters"] is not None) == (estimator == "consistent")
 
 
 @pytest.mark.parametrize("estimator", [["wls", "--option", "iterations=1"], ["wls:iterations=1"]])

@@ -192,43 +192,6 @@ def test_a_turn_about_the_vertical_changes_no_height(spatial_3r: Robot) -> None:
     assert np.all(change <= np.abs(other - q) @ clearance.speed_bound().T + 1e-12)
 
 
-def test_mujoco_agrees(planar_2r: Robot) -> None:
-    """A capsule and a box that is turned, in any posture where they do not touch."""
-    mujoco = pytest.importorskip("mujoco")
-    robot = replace(
-        planar_2r,
-        links=(
-            Link("link1", shapes=(Capsule(np.zeros(3), 0.5 * X, 0.05),)),
-            Link("link2", shapes=(Capsule(0.05 * Z, 0.4 * X, 0.04),)),
-        ),
-    )
-    box = Box(np.array([0.2, 0.3, 0.4]), rotation_about(np.array([0.6, 0.0, 0.8]), 0.7), np.array([0.6, 0.6, 0.1]))
-    clearance = clearance_of(robot, Workspace(boxes={"box": box}))
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.array(box.rotation).ravel())
-
-    def row(values: Array) -> str:
-        return " ".join(repr(float(x)) for x in values)
-
-    model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><worldbody>
-        <geom name="box" type="box" size="{row(box.size / 2)}" pos="{row(box.translation)}" quat="{row(quaternion)}"/>
-        <body><joint axis="0 0 1"/><geom name="link1" type="capsule" fromto="0 0 0 0.5 0 0" size="0.05"/>
-        <body pos="0.5 0 0"><joint axis="0 0 1"/><geom name="link2" type="capsule" fromto="0 0 0.05 0.4 0 0"
-        size="0.04"/></body></body></worldbody></mujoco>"""
-    )
-    data = mujoco.MjData(model)
-    q = np.random.default_rng(3).uniform(-np.pi, np.pi, (200, 2))
-    found = clearance.distances(q)[:, clearance.names.index("link2 | box")]
-    geoms = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in ("link2", "box")]
-    for state, distance in zip(q, found, strict=True):
-        data.qpos[:] = state
-        mujoco.mj_kinematics(model, data)
-        if distance > 1e-3:
-            assert mujoco.mj_geomDistance(model, data, *geoms, 10.0, None) == pytest.approx(distance, abs=1e-6)
-    assert (found > 1e-3).sum() > 100 > (found < 0).sum() > 5
-
-
 def one_slide(capsule: Capsule, workspace: Workspace) -> tuple[Clearance, Array]:
     """Return a capsule that moves freely along three axes, and the postures of a walk through the origin."""
     joints = tuple(

@@ -246,23 +246,6 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         read_estimate(tmp_path)
 
 
-def test_nothing_is_half_written(estimate: Estimate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "e.json"
-    path.write_text("what was there")
-    monkeypatch.setattr(estimate_file.json, "dumps", lambda *_, **__: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        write_estimate(estimate, path)
-    assert path.read_text() == "what was there" and list(tmp_path.iterdir()) == [path]
-    with pytest.raises(ZeroDivisionError):
-        write_estimate(estimate, tmp_path / "new.json")
-    assert not (tmp_path / "new.json").exists()
-
-
-def test_a_folder_that_is_not_there(estimate: Estimate, tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="there is no folder"):
-        write_estimate(estimate, tmp_path / "no" / "e.json")
-
-
 def test_plain_data() -> None:
     value = {1: (np.float64(1.5), np.int64(2), float("nan")), "a": np.array([[1.0, np.inf]]), "b": [None, True, "x"]}
     assert plain(value) == {"1": [1.5, 2, None], "a": [[1.0, None]], "b": [None, True, "x"]}

@@ -16,7 +16,6 @@ from dynident.data.preprocessing.as_given import AsGiven
 from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.errors import LogMismatch, UnknownChoice
 from dynident.identification.build_problem import build_problem
-from dynident.identification.estimators import Estimator
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.estimators.ols import OLS
 from dynident.identification.estimators.wls import WLS
@@ -170,31 +169,6 @@ def test_provenance_names_the_files(model: DynamicModel, log: Log) -> None:
     assert (kept["path"], kept["sha256"], kept["rows"], kept["steps"][0]) == ("run.csv", "abc", 400, "read")
 
 
-def within(hits: int, trials: int, share: float, doubt: float = 1e-4) -> bool:
-    """Say whether a count is one that a binomial of this share gives in all but ``doubt`` of the cases."""
-    low, high = stats.binom.interval(1 - doubt, trials, share)
-    return bool(low <= hits <= high)
-
-
-@pytest.mark.parametrize("estimator", [OLS(), WLS()], ids=["ols", "wls"])
-def test_stated_deviations_cover_the_truth(
-    estimator: Estimator, model: DynamicModel, theta: Array, exact_log: MakeLog
-) -> None:
-    """White noise, 40 seeds: the 95 % interval of one parameter of each joint holds the truth as often as it says."""
-    truth = base_parameters(model).from_standard(theta)
-    scores = []
-    for seed in range(40):
-        problem = build_problem(model, [exact_log(model, theta, noise=np.array([0.6, 0.6]), seed=100 + seed)], GIVEN)
-        estimate = fit(problem, estimator)
-        scores.append((estimate.beta - truth) / estimate.std)
-        np.testing.assert_allclose(estimate.correlation_factors, 1.0, atol=1.0)
-    inside = np.abs(np.array(scores)) < stats.norm.ppf(0.975)
-    for k in range(len(truth)):  # the correlation factors may only widen the intervals, by some ten per cent
-        assert within(int(inside[:, k].sum()), 40, 0.95) or inside[:, k].all()
-    assert 0.93 < inside.mean() < 0.99
-    assert 0.85 < np.std(scores) < 1.1
-
-
 def test_deviations_of_ols_know_that_noise_differs(model: DynamicModel, theta: Array, exact_log: MakeLog) -> None:
     """Joint 1 is far noisier: least squares without weights is worse, and says so."""
     truth = base_parameters(model).from_standard(theta)
@@ -208,24 +182,6 @@ def test_deviations_of_ols_know_that_noise_differs(model: DynamicModel, theta: A
     assert np.all(ols > 0.98 * wls) and np.any(ols > 1.5 * wls)
     inside = np.mean(np.abs(np.array(scores)) < stats.norm.ppf(0.975), axis=(0, 2))
     assert np.all(inside > 0.92)
-
-
-def test_correlated_noise_widens_the_deviations(model: DynamicModel, theta: Array, exact_log: MakeLog) -> None:
-    """Noise of 0.1 s memory: rows hang together, and the interval still holds the truth."""
-    truth = base_parameters(model).from_standard(theta)
-    clean = exact_log(model, theta, samples=800)
-    quiet = np.asarray(clean.torque)
-    scores = []
-    for seed in range(25):
-        white = np.random.default_rng(seed).normal(size=(800, 2))
-        noise = np.zeros_like(white)
-        for k in range(1, 800):
-            noise[k] = 0.8 * noise[k - 1] + 0.6 * white[k]
-        estimate = identify(model, [replace(clean, torque=quiet + 0.5 * noise)], "wls", GIVEN)
-        assert np.all(estimate.correlation_factors > 3)
-        scores.append((estimate.beta - truth) / estimate.std)
-    inside = np.abs(np.array(scores)) < stats.norm.ppf(0.975)
-    assert inside.mean() > 0.88
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])

@@ -164,23 +164,6 @@ def test_errors_are_as_large_as_stated(name: str, kind: str, bench: Bench) -> No
     assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.25
 
 
-@pytest.mark.parametrize("name", ["huber", "tukey", "l1", "irls"])
-def test_coloured_noise_does_not_make_it_too_sure(name: str, bench: Bench) -> None:
-    """Rows that hang together: a covariance for independent rows would be several times too small."""
-    inside, naive = [], []
-    for seed in range(8):
-        problem = bench.problem(bench.coloured(seed, 0.9))
-        solution = ESTIMATORS.make(name).solve(problem)
-        assert solution.covariance is not None and solution.degrees is not None
-        error = solution.beta - bench.truth
-        half = scipy.stats.t.ppf(0.975, solution.degrees) * np.sqrt(np.diag(solution.covariance))
-        inside.append(np.abs(error) < half)
-        independent = least_squares(problem.reduced(1 / problem.joint_deviations(solution.beta)))
-        naive.append(error / np.sqrt(np.diag(independent.unscaled_covariance)))
-    assert np.mean(inside) > 0.88  # 400 rows that are worth about twenty a joint
-    assert np.sqrt(np.mean(np.square(naive))) > 1.8
-
-
 @pytest.mark.parametrize("kept", [1 << 28, 0])
 def test_rows_kept_or_made_anew_are_the_same(kept: int, dirty: Problem) -> None:
     start = least_squares(dirty.reduced()).beta

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -21,7 +20,6 @@ from dynident.data.formats import FORMATS, read_log, write_log, written_columns
 from dynident.data.log import Log
 from dynident.errors import LogFormatError
 from dynident.exports.models import export_model
-from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
@@ -53,17 +51,6 @@ def check_log(log: Log) -> None:
             found = read_log(path, written_columns(log), form=part)
         for field in ("time", "q", "dq", "torque"):
             np.testing.assert_array_equal(getattr(found, field), getattr(log, field), err_msg=f"{name}: {field}")
-
-
-def check_robot(arm: ExactArm) -> None:
-    robot = arm.robot
-    text = json.dumps(robot_to_dict(robot), allow_nan=False)
-    again = robot_from_dict(json.loads(text))
-    assert json.dumps(robot_to_dict(again)) == text
-    for one, other in zip(robot.joints, again.joints, strict=True):
-        for field in ("rotation", "translation", "axis"):
-            np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
-    np.testing.assert_array_equal(robot.nominal, again.nominal)  # type: ignore[arg-type]
 
 
 def bodies_in(path: Path, name: str) -> list[Inertia]:
@@ -124,12 +111,6 @@ def test_logs(log: Log) -> None:
     check_log(log)
 
 
-@settings(max_examples=10)
-@given(arm=exact_arms(2, 12))
-def test_robots(arm: ExactArm) -> None:
-    check_robot(arm)
-
-
 @pytest.mark.parametrize("name", ["urdf", "mjcf", "sdf"])
 @settings(SHARED, max_examples=2)
 @given(arm=exact_arms(2, 5))
@@ -142,13 +123,6 @@ def test_exports(name: str, arm: ExactArm) -> None:
 @given(log=logs())
 def test_many_logs(log: Log) -> None:
     check_log(log)
-
-
-@pytest.mark.battery
-@settings(max_examples=500)
-@given(arm=exact_arms(2, 12))
-def test_many_robots(arm: ExactArm) -> None:
-    check_robot(arm)
 
 
 @pytest.mark.battery

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from dynident.arrays import Array
 from dynident.model.documents.numbers import Place, expression
 from dynident.model.inertia import Inertia
-from dynident.model.joint import joint_pose
+from dynident.model.kernels import batched
 from dynident.model.robot import Robot
 from dynident.robot_files.formats.dh import modified_pose, read_dh, standard_pose
 
@@ -92,11 +92,8 @@ def homogeneous(rotation: Array, translation: Array) -> Array:
 
 
 def link_poses(robot: Robot, q: Array) -> list[Array]:
-    at: list[Array] = []
-    for joint, position in zip(robot.joints, q, strict=True):
-        before = at[joint.parent] if joint.parent >= 0 else np.eye(4)
-        at.append(before @ homogeneous(*joint_pose(joint, float(position))))
-    return at
+    (turns,), (places,) = batched.link_poses(robot.chain, q[None])
+    return [homogeneous(*pose) for pose in zip(turns, places, strict=True)]
 
 
 def frame_pose(robot: Robot, name: str, q: Array) -> Array:

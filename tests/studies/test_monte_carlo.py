@@ -2,11 +2,6 @@
 
 import itertools
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -275,23 +270,3 @@ def test_processes_give_the_same_and_a_late_task_fails(small: Path, tmp_path: Pa
     assert kept == failed
     ((_, better),) = run_tasks(work, tasks[:1], late, time_limit=100.0)
     assert better["failure"] is None
-
-
-@pytest.mark.battery
-def test_a_killed_command_goes_on(small: Path, tmp_path: Path) -> None:
-    motion = "motion: {period_s: 4, starts: 1, time_limit_s: 1}\n"
-    small.write_text(SMALL.replace("noise:", motion + "noise:", 1))
-    out = tmp_path / "out"
-    code = "import sys; from dynident.cli.main import main; sys.exit(main(sys.argv[1:]))"
-    command = [sys.executable, "-c", code, "benchmark", str(small), "--out", str(out), "--jobs", "2", "--quiet"]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    deadline = time.monotonic() + 120
-    while len(list(out.glob("*[0-9a-f].json"))) < 4 and time.monotonic() < deadline:
-        time.sleep(0.05)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
-    kept = {path: path.read_bytes() for path in out.glob("*.json") if not path.name.endswith(".plan.json")}
-    assert kept
-    done = subprocess.run([*command, "--json"], check=True, capture_output=True)
-    assert json.loads(done.stdout)["done"] == 12
-    assert all(path.read_bytes() == content for path, content in kept.items())

@@ -19,7 +19,7 @@ from one_joint_arm import URDF, write_run
 from dynident.cli import main as cli
 from dynident.cli.main import main
 from dynident.errors import FileError
-from dynident.files import write_atomically, written_for_a_while
+from dynident.files import written_for_a_while
 from dynident.identification.files.estimate_file import read_estimate
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
@@ -67,21 +67,6 @@ def test_a_file_is_whole_whenever_its_writer_is_killed(tmp_path: Path) -> None:
         content = place.read_bytes()
         assert content in (b"a" * 3_000_000, b"b" * 3_000_000)
     assert all(path.name.startswith(".file.") for path in tmp_path.iterdir() if path != place)
-
-
-def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    place, swapped = tmp_path / "file", []
-
-    def replace(new: Path, old: Path) -> None:
-        assert old.read_text() == "old" and new.read_text() == "new"
-        swapped.append(new)
-        raise KeyboardInterrupt
-
-    place.write_text("old")
-    monkeypatch.setattr(os, "replace", replace)
-    with pytest.raises(KeyboardInterrupt):
-        write_atomically(place, "new")
-    assert len(swapped) == 1 and place.read_text() == "old" and list(tmp_path.iterdir()) == [place]
 
 
 @contextlib.contextmanager

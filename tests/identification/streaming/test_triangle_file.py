@@ -5,11 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import json
-import os
 import re
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -183,35 +179,6 @@ def test_a_checkpoint_of_other_work_is_not_used(folder: Path, case: Case, tmp_pa
         reduce_logs(case.stream_setup(), [folder / "a.npz"], checkpoint=checkpoint),
         reduce_logs(case.stream_setup(), [folder / "a.npz"]),
     )
-
-
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from dynident.identification.streaming import windows
-from dynident.identification.streaming.one_log import Checkpoint
-from dynident.identification.streaming.reduction import reduce_logs
-from dynident.case.case import read_case
-windows.TILE = 1
-def progress(text):
-    if " 75 % of" in text:
-        os.kill(os.getpid(), signal.SIGKILL)
-reduce_logs(read_case(sys.argv[1]).stream_setup(), [sys.argv[2]], progress, Checkpoint(Path(sys.argv[3]), 0.0))
-"""
-
-
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal here")
-def test_work_that_was_killed_goes_on(folder: Path, case: Case, tmp_path: Path) -> None:
-    log, place = folder / "c.npz", tmp_path / "out.tri"
-    words = [sys.executable, "-c", KILLED, str(folder / "case.yaml"), str(log), str(place)]
-    assert subprocess.run(words, env=dict(os.environ), check=False).returncode == -signal.SIGKILL
-    checkpoint = Checkpoint(place)
-    assert [file.name for file in tmp_path.iterdir()] == ["out.tri.0.partial"]
-    told: list[str] = []
-    assert_equal(
-        reduce_logs(case.stream_setup(), [log], told.append, checkpoint), reduce_logs(case.stream_setup(), [log])
-    )
-    assert sum("% of" in text for text in told) == 2
 
 
 def altered(path: Path, change: Callable[[dict[str, Any]], None]) -> bytes:
