@@ -11,16 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.applications.identifiability import structure
-from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.base_parameters import COMBINED, IDENTIFIABLE, base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.joint import Joint, rotation_about
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
 FRICTIONS = ((), ("rotor_inertia",), ("coulomb", "viscous", "offset", "rotor_inertia"))
-SIDES = np.vstack([np.eye(3), -np.eye(3)])
 
 
 def check(robot: Robot, friction: tuple[str, ...]) -> int:
@@ -85,25 +82,6 @@ def test_a_planar_arm_in_closed_form(planar_2r: Robot) -> None:
 @given(st.integers(0, 10_000), st.integers(2, 6), st.sampled_from(FRICTIONS))
 def test_random_trees(random_tree: Callable[..., Robot], seed: int, links: int, friction: tuple[str, ...]) -> None:
     check(random_tree(seed, links), friction)
-
-
-def turned(generator: np.random.Generator) -> Array:
-    """Return a rotation by a multiple of a right angle."""
-    return rotation_about(SIDES[generator.integers(6)], np.pi / 2 * generator.integers(4))
-
-
-@settings(max_examples=25)
-@given(st.integers(0, 10_000), st.integers(2, 7), st.sampled_from(FRICTIONS))
-def test_special_geometry(random_tree: Callable[..., Robot], seed: int, links: int, friction: tuple[str, ...]) -> None:
-    """Parallel, intersecting and orthogonal axes, links of zero length, gravity along an axis."""
-    generator = np.random.default_rng(seed)
-    tree = random_tree(seed, links)
-    joints: list[Joint] = []
-    for joint in tree.joints:
-        along = SIDES[generator.integers(6)] * generator.choice([0.0, 0.3])
-        joints.append(replace(joint, rotation=turned(generator), translation=along, axis=SIDES[generator.integers(6)]))
-    robot = replace(tree, joints=tuple(joints), gravity=9.81 * SIDES[generator.integers(6)], coupling=None)
-    check(robot, friction)
 
 
 def test_locked_joints() -> None:

@@ -423,15 +423,6 @@ def test_a_sensor_behind_the_gear_feels_the_mean_of_both_accelerations():
     np.testing.assert_allclose(run.log.torque[1:], bodies, atol=1e-8)
 
 
-def test_a_seed_repeats_and_streams_are_their_own(recorded):
-    noisy = {"encoder": Encoder((0.0,), (1e-5,)), "effort": Effort((0.1,))}
-    one, two = recorded(**noisy), recorded(**noisy)
-    np.testing.assert_array_equal(one.log.torque, two.log.torque)
-    more = recorded(**noisy, recorder=Recorder(dropped=0.2))
-    rows = np.round(more.log.time * 1000).astype(int)
-    np.testing.assert_array_equal(more.log.q, one.log.q[rows])
-
-
 @pytest.mark.parametrize(
     ("cell", "message"),
     [
