@@ -94,6 +94,26 @@ def test_friction_is_chosen_and_the_report_says_what_was_tried(
     assert set(left) == {"warm_up", "temperature"} and "no temperatures are read" in left["temperature"]
 
 
+@pytest.mark.parametrize("rotor", [0.0, 2.0])
+def test_a_rotor_of_a_vertical_slide_is_no_mass(scara: Robot, exact_log: MakeLog, rotor: float) -> None:
+    """What held-out samples say nothing of stays, where it would count as mass: with a rotor there and with none."""
+    parts = (Coulomb(0.02), Viscous(), FRICTION.make("offset"), RotorInertia())
+    truth = DynamicModel(scara, parts)
+    names = [parameter.name for parameter in truth.parameters]
+    known = {name: 0.0 if name.startswith("Ia") else 0.5 for name in names} | {"Ia[joint3]": rotor}
+    theta = with_friction(truth, np.array([known[name] for name in names[truth.inertial_count :]]))
+    log = exact_log(truth, theta, noise=0.05, samples=1200, rate=80.0)
+    asked = replace(truth, friction=(*parts[:3], RotorInertia(choose=("part",))))
+    estimate = identify(asked, [log], "consistent", GIVEN)
+    (own,) = (part for part in estimate.model.friction if isinstance(part, RotorInertia))
+    assert own.joints == ("joint3",) and not own.is_optional
+    (mass,) = (name for name in estimate.base.names if name.startswith("m[link3]"))
+    assert "Ia[joint3]" in mass
+    known = dict(zip(names, theta.tolist(), strict=True))
+    wanted = estimate.base.from_standard(np.array([known.get(each.name, 0.0) for each in estimate.base.parameters]))
+    assert np.max(np.abs(estimate.beta - wanted) / estimate.std) < 4.0
+
+
 @pytest.mark.parametrize(("velocity", "exponent"), [(0.06, 1.0), (0.15, 1.0), (0.06, 2.0), (0.15, 2.0)])
 def test_stribeck_friction_is_chosen_where_the_log_has_slow_motion(
     spatial_3r: Robot, exact_log: MakeLog, velocity: float, exponent: float

@@ -22,9 +22,11 @@ from dynident.model.base_parameters import (
     ZERO,
     base_parameters,
     remainders,
+    with_stated_rotors,
 )
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.joint import Joint, rotation_about
 from dynident.model.robot import Link, Robot
 from dynident.robot_files import read_robot
@@ -154,6 +156,34 @@ def test_rotor_inertia_of_a_first_joint_is_seen_with_its_link(planar_2r: Robot) 
     assert base.names[0] == "Izz[link1] + 0.25 m[link2] + Ia[joint1]"
     assert base.names[-1] == "Ia[joint2]"
     assert base.count == 7 and base_parameters(model_of(planar_2r, "rotor_inertia"), inertial_only=True).count == 6
+
+
+def _arm_on_a_slide(axis: str, arm: Robot) -> Robot:
+    slide = Joint("slide", "prismatic", -1, np.eye(3), np.zeros(3), np.eye(3)["xyz".index(axis)])
+    joints = (slide, *(replace(joint, parent=joint.parent + 1) for joint in arm.joints))
+    return Robot("lift", (Link("carriage"), *arm.links), joints, arm.gravity)
+
+
+def test_rotors_of_slides_are_stated_where_nothing_tells_them_from_mass(
+    planar_2r: Robot, scara: Robot, spatial_3r: Robot, sliding_arm: Robot
+) -> None:
+    """A vertical slide has its mass from its weight, but not beside an offset; one that an arm turns has it."""
+    one = RotorInertia(choose=("part",))
+    for robot, friction, stated in (
+        (_arm_on_a_slide("z", spatial_3r), ("offset",), ("slide",)),
+        (_arm_on_a_slide("z", spatial_3r), (), ()),
+        (_arm_on_a_slide("x", spatial_3r), (), ("slide",)),
+        (scara, ("offset",), ("joint3",)),
+        (scara, (), ()),
+        (sliding_arm, ("offset",), ()),
+        (planar_2r, ("offset",), ()),
+        (planar_2r.with_gravity([0, 0, -9.81]), ("offset",), ()),  # the first rotor alone counts as its link
+    ):
+        parts = with_stated_rotors(DynamicModel(robot, [*friction, one])).friction[len(friction) :]
+        sure = [part.joints for part in parts if not part.is_optional]
+        assert sure == ([stated] if stated else [])
+        left = {name for part in parts if part.is_optional for name in part.joints or robot.joint_names}
+        assert left == {*robot.joint_names} - {*stated}
 
 
 def test_signs_and_coefficients_in_names() -> None:

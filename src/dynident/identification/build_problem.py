@@ -26,7 +26,7 @@ from dynident.identification.selection.friction.variable_projection import (
     vary_fields,
     without_optional,
 )
-from dynident.model.base_parameters import base_parameters
+from dynident.model.base_parameters import base_parameters, with_stated_rotors
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import WHOLE, Friction, auto_friction, called, motor_ripple
@@ -83,6 +83,7 @@ def build_problem(
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
     if choose_friction:
         model = replace(model, friction=(*auto_friction(model.robot), *motor_ripple(model.robot)))
+    model = with_stated_rotors(model)
     preprocessing, cutoff = with_cutoff(without_optional(model), ordered, preprocessing, progress)
     model, finest, aside = _within_logs(model, ordered, preprocessing)
     progress("preprocessing")

@@ -13,6 +13,7 @@ and ``neglected``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -21,7 +22,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import check_kind
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import Motion
+from dynident.model.friction import Friction, Motion
 from dynident.model.parameters import Parameter
 from dynident.model.reduction import triangle_of
 
@@ -166,6 +167,35 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     matters = largest >= TOLERANCE
     shares = remainders(scaled[:, chosen])
     return BaseParameters(model.parameters[:size], chosen, matrix, matters, shares, float(neglected))
+
+
+def with_stated_rotors(model: DynamicModel) -> DynamicModel:
+    """Return the model without a choice about inertia of rotors that acts as an inertia of bodies for sure.
+
+    That of a slide does, as mass, where no motion tells it from the mass beside the offset of the torque: a vertical
+    one as well, whose weight the offset takes up. So does that of all joints of a gantry with a wrist of two axes. No
+    sample decides on such inertia, and what is left out would count as mass.
+    """
+    if not any(part.is_optional and all(part.is_inertia) for part in model.friction):
+        return model
+    drives = [replace(part, choose=None) for part in model.friction if all(part.is_inertia)]
+    constant = [part for part in model.friction if all(part.is_constant) and not part.is_optional]
+    full = replace(model, friction=(*constant, *drives))
+    verdicts = zip(full.parameters, base_parameters(full).verdicts, strict=True)
+    apart = {one.owner for one, verdict in verdicts if one.kind == "rotor" and verdict == IDENTIFIABLE}
+    slides = {joint.name for joint in model.robot.active if joint.kind == "prismatic"}
+    every = model.robot.joint_names
+    stated = {name for name in every if name not in apart and (name in slides or not apart)}
+    return replace(model, friction=tuple(own for part in model.friction for own in _by_verdict(part, every, stated)))
+
+
+def _by_verdict(part: Friction, every: Sequence[str], stated: set[str]) -> tuple[Friction, ...]:
+    """Return an optional part for rotors as one for the stated and one for the other joints; others as they are."""
+    joints = every if part.joints is None else part.joints
+    if not (part.is_optional and all(part.is_inertia)) or not stated.intersection(joints):
+        return (part,)
+    own, others = (tuple(name for name in joints if (name in stated) is there) for there in (True, False))
+    return replace(part, joints=own, choose=None), *([replace(part, joints=others)] if others else [])
 
 
 def _states(model: DynamicModel, samples: int, seed: int) -> Motion:

@@ -21,9 +21,9 @@ from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, q
 from dynident.case.evidence.torques import agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over, longest_step
 from dynident.identification.problem.problem import rest_speeds
-from dynident.model.base_parameters import IDENTIFIABLE, base_parameters
+from dynident.model.base_parameters import with_stated_rotors
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import motor_ripple
+from dynident.model.friction import WHOLE, Friction, motor_ripple
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.warm_up import WarmUp
 from dynident.robot_files import shipped_robots
@@ -55,6 +55,9 @@ _TRAINS = 0.67
 
 #: The line of the time delay.
 _DELAY = "  delay_s: auto               # found from the log; applied where it is significant"
+
+#: Friction that is there without a choice.
+_SURE = ("viscous", "offset")
 
 #: A joint slower than this, in rad/s, is at rest; a slide below its travel times this, a second.
 _STANDSTILL = 0.02
@@ -198,7 +201,7 @@ def _friction(found: Recognised, files: Files) -> list[str]:
         coulomb = f"  - coulomb: {{{width}}}   # {say}; choose: width needs all samples at once"
     else:
         coulomb = f"  - coulomb: {{{width}, choose: width}}   # {say}; held-out data may choose another"
-    lines = ["friction:", coulomb, "  - viscous", "  - offset"]
+    lines = ["friction:", coulomb, *(f"  - {name}" for name in _SURE)]
     is_plain_torque = found.effort == "torque" and "torque" not in found.on_motors
     rotors = "  - rotor_inertia            # of the motors, seen at the joints"
     may_have_rotor = not _behind_the_gear(found)
@@ -232,35 +235,20 @@ def _friction(found: Recognised, files: Files) -> list[str]:
 
 
 def _optional_rotors(found: Recognised) -> list[str]:
-    """Return the inertia of the motors: held-out samples decide, but where it acts as an inertia of bodies for sure.
-
-    That of a slide does, as mass, and that of all joints of a gantry with a wrist of two axes.
-    """
-    one, told = "  - rotor_inertia: {choose: part}   # of the motors, seen at the joints", "of motors and belts: "
-    told += (
-        "no motion tells it from inertia of the links; take the line out where the drives measure behind their gears"
-    )
-    if found.moving is None or not found.joints.certain:
-        return [one]
-    held = {*found.still, *found.grippers, *found.without_effort}.intersection(found.moving.joint_names)
-    if len(held) == found.moving.dof:
-        return [one]
-    robot = found.moving.locked(dict.fromkeys(held, 0.0))
-    model = DynamicModel(robot, (RotorInertia(),))
-    verdicts = zip(model.parameters, base_parameters(model).verdicts, strict=True)
-    apart = {
-        parameter.owner for parameter, verdict in verdicts if parameter.kind == "rotor" and verdict == IDENTIFIABLE
-    }
-    slides = {joint.name for joint in robot.active if joint.kind == "prismatic"}
-    stated = [name for name in robot.joint_names if name not in apart and (name in slides or not apart)]
-    others = [name for name in robot.joint_names if name not in stated]
-    if not stated:
-        return [one]
-    lines = [f"  - rotor_inertia: {{joints: {listed(stated)}}}   # {told}"]
-    if others:
-        lines.append(
-            f"  - rotor_inertia: {{joints: {listed(others)}, choose: part}}   # of the motors, seen at the joints"
-        )
+    """Return the inertia of the motors: held-out samples decide, but where it acts as an inertia of bodies for sure."""
+    one, seen = RotorInertia(choose=(WHOLE,)), "of the motors, seen at the joints"
+    told = "of motors and belts: no motion tells it from inertia of the links; "
+    told += "take the line out where the drives measure behind their gears"
+    parts: Sequence[Friction] = [one]
+    if found.moving is not None and found.joints.certain:
+        held = {*found.still, *found.grippers, *found.without_effort}.intersection(found.moving.joint_names)
+        if len(held) < found.moving.dof:
+            robot = found.moving.locked(dict.fromkeys(held, 0.0))
+            parts = with_stated_rotors(DynamicModel(robot, [one, *_SURE])).friction[: -len(_SURE)]
+    lines = []
+    for part in parts:
+        options = [f"joints: {listed(part.joints or ())}"] * bool(part.joints) + ["choose: part"] * part.is_optional
+        lines.append(f"  - rotor_inertia: {{{', '.join(options)}}}   # {seen if part.is_optional else told}")
     return lines
 
 
