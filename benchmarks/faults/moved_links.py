@@ -3,8 +3,9 @@
 Random arms of :mod:`.clean`, whose drives have a Stribeck effect and friction that grows with the load besides. Each is
 logged as it is, with elastic joints seen at the drives (4 to 12 Hz where the other joints are locked), with the zero of
 one position off by 5 to 15 degrees, with the torque of one joint 4 to 30 ms late or early, and with a ripple of one
-joint, 0.05 to 0.3 of its torque, 5 to 59 cycles a turn (of slides 2 to 12 in the range). Counted are the joints that
-are named, those whose 95 % interval holds the truth (of a stiffness, that it is within a factor of three: some rotor
+joint, 0.05 to 0.3 of its torque, 5 to 59 cycles a turn (of slides 2 to 12 in the range); and in another motion with the
+zeros of two positions off by 0.5 to 20 degrees, against an estimate from the right log. Counted are the joints that are
+named, those whose 95 % interval holds the truth (of a stiffness, that it is within a factor of three: some rotor
 inertia counts as that of links; of a ripple, amplitude and cycles), and what else is told of these kinds.
 """
 
@@ -29,6 +30,7 @@ from dynident.api.init import init
 from dynident.case.case import Case, read_case
 from dynident.diagnosis.examination import examine
 from dynident.diagnosis.finding import Finding
+from dynident.identification.identify import identify
 
 ARMS, RATE, SECONDS = 30, 250.0, 40.0
 
@@ -39,6 +41,7 @@ KINDS = {
     "zero": "position zero",
     "late": "torque delay",
     "ripple": "torque ripple",
+    "two zeros": "position zero",
 }
 
 
@@ -67,22 +70,31 @@ class Moved:
         (folder / "case.yaml").write_text(text)
         return read_case(folder / "case.yaml")
 
-    def told(self, folder: Path) -> list[Finding]:
-        """Return the findings on the log."""
-        return list(examine(self.case(folder), str(folder / "run.csv")).findings)
+    def told(self, folder: Path, right: Moved | None = None) -> list[Finding]:
+        """Return the findings on the log; against an estimate from a right one, if that is given."""
+        if right is None:
+            return list(examine(self.case(folder), str(folder / "run.csv")).findings)
+        case = right.case(folder)
+        earlier = identify(case.model, [case.read(folder / "run.csv")], "wls", case.preprocessing)
+        written(self.columns, folder / "run.csv")
+        return list(examine(case, str(folder / "run.csv"), earlier).findings)
 
 
-def moved(seed: int, kind: str) -> Moved:
-    """Return a log of one kind of the arm of a seed."""
+def moved(seed: int, kind: str, run: int = 0) -> Moved:
+    """Return a log of one kind of the arm of a seed; ``run`` counts its motions."""
     generator = np.random.default_rng([924, seed])
     bodies = robot(generator)
     truth, count, t = urdf("arm", bodies, seed), len(bodies), np.arange(int(RATE * SECONDS)) / RATE
     reach = [0.6 * (body.limits[1] - body.limits[0]) / 2 for body in bodies]
     share, motion = float(generator.uniform(0.4, 0.8)), int(generator.integers(1 << 30))
-    q, dq, ddq = waves(bodies, 0.1, 8, motion, reach, 0.0, share)(t)
     model = pinocchio.buildModelFromXML(truth)
     data = model.createData()
-    rigid = np.array([pinocchio.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)])
+
+    def recorded(which: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        states = waves(bodies, 0.1, 8, motion + which, reach, 0.0, share)(t)
+        return *states, np.array([pinocchio.rnea(model, data, *row) for row in zip(*states, strict=True)])
+
+    q, dq, _, rigid = recorded(0)
     size = np.maximum(rigid.std(axis=0), 0.02 * rigid.std())
     inertia = np.diag(pinocchio.crba(model, data, q[len(t) // 2])).copy()
     rotor = generator.uniform(0.1, 1.0, count) * inertia
@@ -93,10 +105,14 @@ def moved(seed: int, kind: str) -> Moved:
     compliance = 1.0 / ((2 * np.pi * generator.uniform(4, 12, count)) ** 2 * inertia)
     away = float(generator.choice([-1, 1]))
     figures, cycles = np.zeros(count), 0.0
+    degrees = np.where([body.kind == "prismatic" for body in bodies], 0.002, np.pi / 180)
     if kind == "soft":
         figures = compliance
     elif kind == "zero":
-        figures[joint] = away * generator.uniform(5, 15) * (0.002 if bodies[joint].kind == "prismatic" else np.pi / 180)
+        figures[joint] = away * generator.uniform(5, 15) * degrees[joint]
+    elif kind == "two zeros":
+        both = generator.choice(count, 2, replace=False)
+        figures[both] = generator.choice([-1, 1], 2) * 0.5 * 40.0 ** generator.uniform(size=2) * degrees[both]
     elif kind == "late":
         figures[joint] = away * generator.uniform(0.004, 0.03)
     elif kind == "ripple":
@@ -104,6 +120,8 @@ def moved(seed: int, kind: str) -> Moved:
         cycles = float(generator.integers(5, 60))
         if bodies[joint].kind == "prismatic":
             cycles = 2 * np.pi * generator.uniform(2, 12) / float(np.ptp(q[:, joint]))
+    if run:
+        q, dq, _, rigid = recorded(run)
     drive = scipy.interpolate.CubicSpline(t, q + rigid * compliance * (kind == "soft"))
     speed, swing = drive(t, 1), drive(t, 2)
     friction = (dry + load * np.abs(rigid) + fading * np.exp(-((speed / 0.08) ** 2))) * np.tanh(speed / 0.005)
@@ -113,7 +131,7 @@ def moved(seed: int, kind: str) -> Moved:
         tau += figures * np.sin(cycles * q + away)
     if kind == "late":
         tau[:, joint] = np.interp(t - figures[joint], t, tau[:, joint])
-    seen = drive(t) - figures * (kind == "zero") + 1e-5 * generator.normal(size=q.shape)
+    seen = drive(t) - figures * ("zero" in kind) + 1e-5 * generator.normal(size=q.shape)
     names = [body.joint for body in bodies]
     columns = {"t": t, "q": seen, "tau": tau}
     return Moved(urdf("arm", bodies), columns, dict(zip(names, figures.tolist(), strict=True)), cycles)
@@ -134,9 +152,10 @@ def main() -> None:
     kinds = {kind: KINDS[kind] for kind in sys.argv[3:] or KINDS}
     for seed in tracked(range(first, last), "arms"):
         for kind, name in kinds.items():
-            log = moved(seed, kind)
+            earlier = moved(seed, "right") if kind == "two zeros" else None
+            log = moved(seed, kind, int(earlier is not None))
             with tempfile.TemporaryDirectory() as folder:
-                found = [one for one in log.told(Path(folder)) if one.name in KINDS.values() and one.joint]
+                found = [one for one in log.told(Path(folder), earlier) if one.name in KINDS.values() and one.joint]
             right = [one for one in found if one.name == name and log.truth[one.joint]]
             counts[kind, "joints with the fault"] += sum(value != 0.0 for value in log.truth.values())
             counts[kind, "named"] += len(right)

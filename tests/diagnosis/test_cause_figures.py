@@ -110,7 +110,7 @@ def test_a_spring_and_a_counterbalance_that_cancel_have_the_size_of_their_sum() 
     rows = CauseRows([np.ones((count, 1))], [np.arange(1)], 1, target[:, None], measured[:, None], masks)
     search = CauseSearch(rows, causes)
     blames = search.blames()
-    told, _ = figured(search, blames, ModelError(4, [np.eye(count // 4)]), lambda cause, beta, values: cause)
+    told, _ = figured(search, blames, ModelError(4, [np.eye(count // 4)]), lambda causes, beta, values: [*causes])
     assert {blame.cause.name for blame in told} == {"spring", "counterbalance"}
     assert all(blame.size > 1.0 for blame in blames) and all(blame.size < 0.5 for blame in told)
     values = {blame.cause.name: blame.values[0] for blame in told}
@@ -134,11 +134,11 @@ def test_a_rival_has_its_figure_about_the_bodies_beside_it() -> None:
     (blame,) = blames = search.blames()
     assert len(blame.rivals) == 1
 
-    def doubled(cause: Cause, beta: Array, values: Array) -> Cause:
+    def doubled(causes: Sequence[Cause], beta: Array, values: Sequence[Array]) -> list[Cause]:
         rival = blame.rivals[0].cause
-        return replace(cause, columns=2.0 * rival.columns) if cause.name == rival.name else cause
+        return [replace(one, columns=2.0 * rival.columns) if one.name == rival.name else one for one in causes]
 
-    for again, wanted in ((lambda cause, beta, values: cause, 1.0), (doubled, 0.5)):
+    for again, wanted in ((lambda causes, beta, values: [*causes], 1.0), (doubled, 0.5)):
         ((told,), _) = figured(search, blames, ModelError(4, [np.eye(count // 4)]), again)
         assert told.values[0] == pytest.approx(1.0, abs=0.02)
         assert told.rivals[0].values[0] == pytest.approx(wanted, abs=0.02)

@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.faults import injections as put
+from benchmarks.faults.all_joints import SCALE
+from benchmarks.faults.clean import findings_of, log, robot
 from benchmarks.faults.trials import Trial, subject_of, virtual
+from benchmarks.strangers.plant import urdf
 
 from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap
@@ -267,3 +270,22 @@ def test_torques_of_the_other_side_of_the_gears_are_told_with_the_line_that_mend
         assert (found.name.removesuffix("s"), found.severity) == (name, "error")
         assert (line if name == "torque side" else "log: side") in found.remedy
     assert not warned(log, tmp_path) and not warned(replace(turned, case=motors), tmp_path)
+
+
+@pytest.mark.parametrize("seed", [5, 7])
+def test_a_factor_of_all_torques_is_told_by_the_masses_of_the_robot_model(seed: int, tmp_path: Path) -> None:
+    """No residual shows it: twice the torque had been silent, and four times a warning. Each mass is off by 15 %."""
+    bodies = robot(np.random.default_rng([24, seed]))
+    columns, side = log(np.random.default_rng([25, seed]), bodies, urdf("arm", bodies, seed))
+    for factor, severity, name in (
+        (1.0, "", ""),
+        (0.5, "warning", SCALE),
+        (2.0, "warning", SCALE),
+        (4.0, "error", "torque unit"),
+    ):
+        made = findings_of({**columns, "tau": factor * columns["tau"]}, urdf("arm", bodies), side, tmp_path)
+        found = [one for one in made if one.name in (SCALE, "torque unit") and not one.joint]
+        assert [(one.severity, one.name) for one in found] == [(severity, name)] * (factor != 1.0)
+        if severity == "warning":
+            assert abs(found[0].numbers["value"] + 1.0 - factor) < found[0].numbers["half_width"] < 0.2 * factor
+            assert "cannot tell this from masses" in found[0].evidence

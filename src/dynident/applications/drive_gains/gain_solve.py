@@ -25,7 +25,7 @@ from dynident.applications.drive_gains.verdicts import judged, share_remark
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
-from dynident.diagnosis.causes.trends import leaned
+from dynident.diagnosis.causes.bodies_in_motion import leaned
 from dynident.errors import BadOption
 from dynident.identification.problem.problem import Problem, counting_rows
 from dynident.identification.residuals.covariance import correlation_factors

@@ -15,8 +15,8 @@ import numpy as np
 from dynident.applications.drive_gains.unknowns import Unknowns
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
+from dynident.diagnosis.causes.bodies_in_motion import lean_torques, leaned
 from dynident.diagnosis.causes.quick_fit import gravity_observers
-from dynident.diagnosis.causes.trends import lean_torques, leaned
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 

@@ -21,7 +21,7 @@ from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, ends, load_columns, own_inertia
 from dynident.diagnosis.causes.known_bodies import LEAST, KnownBodies, NominalBodies
 from dynident.diagnosis.causes.model_error import FitErrors
-from dynident.diagnosis.causes.trends import CURVED, Trends
+from dynident.diagnosis.causes.trends import CURVED, ZERO, Trends
 from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
 from dynident.model.lapack import inverse_positive
 
@@ -72,16 +72,13 @@ class Anchored(CauseSearch):
         self.columns = replace(self.columns, grams=self.columns.grams.copy(), sides=self.columns.sides.copy())
         self._inverse = np.linalg.inv(known.factor)
         _turn(self.columns.grams, self.columns.sides, self._known.places, self._inverse)
-        self.errors_of_bodies = 0.0  # relative, beside all causes that were found
         self._found = dict[tuple[int, ...], Begin]()  # where the fit with one cause more begins
 
     def fitted(self, chosen: Sequence[int]) -> Solved:
         solved, found = self._fitted(chosen, np.zeros(TEN))
         slot, more = self._load(chosen), list[tuple[Solved, Begin]]()
-        if slot is not None and (self.causes[chosen[-1]].name, self.causes[chosen[-1]].joint) == OF_ALL:
-            more.append(
-                self._fitted(chosen, np.zeros(TEN), afresh=True)
-            )  # a load beside bodies of another size is another
+        if chosen and (self.causes[chosen[-1]].name, self.causes[chosen[-1]].joint) == OF_ALL:
+            more.append(self._fitted(chosen, np.zeros(TEN), afresh=True))  # a load and errors are others beside a scale
         if slot is not None and solved.beta[slot[TOLD - 1]] < 0.0:  # the sign of the moments of inertia may hold it
             begin = found[2].copy()
             begin[TOLD - 1] *= -1.0
@@ -195,20 +192,31 @@ class Anchored(CauseSearch):
         return float(np.sum((by_mean @ self._known.moment_errors()) ** 2))
 
     def blames(self) -> tuple[Blame, ...]:
-        """Return the causes that are sure; the figures of rotor inertias are those beside all others."""
+        """Return the causes that are sure, each with its figures beside all others."""
         found = super().blames()
         numbers = [next(k for k, one in enumerate(self.causes) if one is blame.cause) for blame in found]
-        self.fit(numbers)
-        self.errors_of_bodies = float(np.linalg.norm(self._found[tuple(numbers)][1]))
         return tuple(self._beside_all(blame, k, numbers) for blame, k in zip(found, numbers, strict=True))
 
     def _beside_all(self, blame: Blame, k: int, numbers: Sequence[int]) -> Blame:
-        """Return a rotor inertia, the cause k of those found, with its figures beside all the others."""
-        if blame.cause.name != "rotor inertia" or k == numbers[-1]:
-            return blame
-        beside = [*(other for other in numbers if other != k), k]
-        last = self._blame(self.fit([]), self.fit(beside), beside, self.worths([beside])[0])
-        return replace(blame, values=last.values, covariance=last.covariance, freedom=last.freedom)
+        """Return one of the causes found, number k, with its figures beside all the others.
+
+        A zero moves the bodies themselves: where these contradict an estimate even so, its interval is wider (Birge
+        1932).
+        """
+        last = blame if k == numbers[-1] else self.beside(numbers, k)[0]
+        times = 1.0
+        if blame.cause.name == ZERO and not isinstance(self._known, NominalBodies):
+            after, held = self.fit([*(other for other in numbers if other != k), k]), self._known.places
+            told = len(held) - float(np.diag(after.covariance)[held].sum())
+            times = max(after.surprise / max(told, 1.0), 1.0)
+        return replace(blame, values=last.values, covariance=times * last.covariance, freedom=last.freedom)
+
+    def beside(self, numbers: Sequence[int], k: int) -> tuple[Blame, float]:
+        """Return a cause beside others, by their numbers, and the relative standard deviation of the bodies then."""
+        others = [other for other in numbers if other != k]
+        before, after, chosen = self.fit(others), self.fit([*others, k]), [*others, k]
+        blame = self._blame(before, after, chosen, self.worths([chosen])[0])
+        return blame, float(np.linalg.norm(self._found[tuple(chosen)][1]))
 
     def distinct(self, after: Solved, chosen: Sequence[int]) -> float:
         # a quasi-likelihood: logarithms of likelihoods count less by as much (McCullagh and Nelder 1989, chapter 9)
@@ -287,13 +295,13 @@ class AgainstBodies:
         beta[self._known.places] = self._known.values
         for _ in range(0 if isinstance(self._known, NominalBodies) else STEPS):
             curved = {(one.cause.name, one.cause.joint): one for one in found if one.cause.name in CURVED}
-            values = {id(one.cause): one.values for one in curved.values()}
             if all(key in known and np.allclose(one.values, known[key].values, SETTLED) for key, one in curved.items()):
                 break
             known = curved
-            causes = [
-                self._trends.made_again(one, beta, values[id(one)]) if id(one) in values else one for one in causes
-            ]
+            values = [one.values for one in curved.values()]
+            made = self._trends.made_again([one.cause for one in curved.values()], beta, values)
+            again = dict(zip(curved, made, strict=True))
+            causes = [again.get((one.name, one.joint), one) for one in causes]
             search = self._search(causes)
             found = search.blames()
         return search, found
@@ -321,10 +329,12 @@ class AgainstBodies:
         factors = fit.counts / fit.independent_rows
         return Anchored(self._trends.rows, causes, self._known, factors, lambda: self._trends.errors)
 
-    @property
-    def errors_of_bodies(self) -> float:
-        """Relative standard deviation of the robot model's bodies beside all causes found; infinite of an estimate."""
-        return self._looked[0].errors_of_bodies if isinstance(self._known, NominalBodies) else np.inf
+    @cached_property
+    def scale_of_all(self) -> tuple[Blame, float]:
+        """The scale of all torques beside the causes found, sure or not, and the relative error of the bodies then."""
+        keys = [(cause.name, cause.joint) for cause in self.search.causes]
+        found = [keys.index((blame.cause.name, blame.cause.joint)) for blame in self.blames]
+        return self.search.beside(found, keys.index(OF_ALL))
 
     @cached_property
     def masses(self) -> Array:

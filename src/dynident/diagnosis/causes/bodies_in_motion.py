@@ -1,4 +1,4 @@
-"""Torques of bodies whose links move otherwise than the log says: elastic gears, other zeros, a clock, a late torque.
+"""Torques of bodies that move otherwise than the log says: elastic gears, other zeros, another clock, a leaning base.
 
 Each is linear in its figure for a small one, a column of the fit. With a figure the column is a secant: that figure
 times it is the torque that is added, however large.
@@ -6,6 +6,7 @@ times it is the torque that is added, however large.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,13 +48,13 @@ class BodiesInMotion:
         1987).
         """
         step = compliance or SHIFT / max(float(np.abs(self.rigid[:, joint]).max()), 1e-300)
-        behind = -step * self._moved(joint, -step * self.rigid[:, joint])[:, joint]
-        return (self._moved(joint, behind) - self.rigid) / step
+        behind = -step * self._torque(self._bent(joint, -step * self.rigid[:, joint]))[:, joint]
+        return (self._torque(self._bent(joint, behind)) - self.rigid) / step
 
     def zero(self, joint: int, offset: float = 0.0) -> Array:
         """Return the torque by positions that are larger than the logged ones, over the difference, shape (N, n)."""
         step = offset or SHIFT
-        return (self._moved(joint, np.full(len(self.rigid), step)) - self.rigid) / step
+        return (self._torque(self.moved(joint, step)) - self.rigid) / step
 
     def late(self, joint: int, delay: float = 0.0) -> Array:
         """Return what a delay of one joint's torque adds over its seconds, shape (N, n)."""
@@ -67,15 +68,47 @@ class BodiesInMotion:
         faster = replace(self.log, dq=np.asarray(self.log.dq) * speed, ddq=np.asarray(self.log.ddq) * speed**2)
         return (self._torque(faster) - self.rigid) / CLOCK_STEP
 
-    def _moved(self, joint: int, shift: Array) -> Array:
-        """Return the torque where the position of a joint is larger by ``shift`` (N,), shape (N, n)."""
+    def moved(self, joint: int, offset: float) -> Log:
+        """Return the motion where the position of a joint is larger by an offset."""
+        q = np.array(self.log.q)
+        q[:, joint] += offset
+        return replace(self.log, q=q)
+
+    def _bent(self, joint: int, shift: Array) -> Log:
+        """Return the motion where the position of a joint is larger by ``shift`` (N,)."""
         moved, time = {}, np.asarray(self.log.time)
         for name in ("q", "dq", "ddq"):
             values = np.array(getattr(self.log, name))
             values[:, joint] += shift
             moved[name], shift = values, np.gradient(shift, time)
-        return self._torque(replace(self.log, **moved))
+        return replace(self.log, **moved)
 
     def _torque(self, log: Log) -> Array:
         """Return the torque of the bodies in another motion, shape (N, n)."""
         return self.regressor.model.torque(motion_of(log), self.regressor.base.to_standard(self.bodies))
+
+
+def lean_torques(observers: Sequence[RegressorStream], log: Log, beta: Array, gravity: Array) -> Array:
+    """Return the torques of bodies by a lean of the base about both axes across gravity, per radian, shape (2, N, n).
+
+    Args:
+        observers: See :func:`~.quick_fit.gravity_observers`.
+        log: The motion, of N samples.
+        beta: Base parameters of the bodies, shape (b,).
+        gravity: That which the base leans from, shape (3,), in m/s^2.
+    """
+    still, *along = (observer.predict(log, beta) for observer in observers)
+    pulls, size = np.stack(along) - still, float(np.linalg.norm(gravity))
+    return np.stack([size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)])
+
+
+def leaned(gravity: Array, lean: Array) -> Array:
+    """Return gravity (3,) turned by small angles (2,) in rad towards the vectors across it, of the same size."""
+    size = float(np.linalg.norm(gravity))
+    found = gravity + size * lean @ across_gravity(gravity)
+    return found * (size / float(np.linalg.norm(found)))
+
+
+def across_gravity(gravity: Array) -> Array:
+    """Return two unit vectors across gravity and each other, shape (2, 3)."""
+    return np.linalg.svd(gravity[None] / np.linalg.norm(gravity))[2][1:]

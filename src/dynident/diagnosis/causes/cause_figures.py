@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -27,9 +28,12 @@ PULLS = ("spring", "counterbalance")
 #: Steps in which columns are made again for figures: what is late is known from the step before.
 STEPS = 3
 
+#: Makes the columns of causes with the base parameters of a fit, shape (b,), and the values of each, shape (k,).
+Again: TypeAlias = Callable[[Sequence[Cause], Array, Sequence[Array]], list[Cause]]
+
 
 def figured(
-    found: CauseSearch, blames: Sequence[Blame], error: ModelError, again: Callable[[Cause, Array, Array], Cause]
+    found: CauseSearch, blames: Sequence[Blame], error: ModelError, again: Again
 ) -> tuple[tuple[Blame, ...], FitErrors]:
     """Return the same causes with their figures beside each other, and the errors of the model that their fit has.
 
@@ -37,7 +41,7 @@ def figured(
         found: The search.
         blames: What it has found, with rivals.
         error: Errors of the model at its rows.
-        again: Makes the columns of a cause with the base parameters of a fit, shape (b,), and the cause's values.
+        again: Makes their columns again.
     """
     rows = found.rows
     causes, solved = about_their_bodies(rows, [blame.cause for blame in blames], again, STEPS)
@@ -95,13 +99,13 @@ def _fit(rows: CauseRows, causes: Sequence[Cause]) -> Solved:
 
 
 def about_their_bodies(
-    rows: CauseRows, causes: list[Cause], again: Callable[[Cause, Array, Array], Cause], steps: int = 1
+    rows: CauseRows, causes: list[Cause], again: Again, steps: int = 1
 ) -> tuple[list[Cause], Solved]:
     """Return causes with their columns made again with the bodies beside them, and the fit with these."""
     solved = _fit(rows, causes)
     for _ in range(steps):
         beta = solved.beta[: rows.size]
-        made = [again(cause, beta, solved.beta[_places(rows, causes, k)]) for k, cause in enumerate(causes)]
+        made = again(causes, beta, [solved.beta[_places(rows, causes, k)] for k in range(len(causes))])
         if all(new is old for new, old in zip(made, causes, strict=True)):
             break
         causes, solved = made, _fit(rows, made)

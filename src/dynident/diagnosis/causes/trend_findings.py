@@ -9,12 +9,13 @@ from typing import TypeAlias
 import numpy as np
 
 from dynident.case.evidence.torques import agrees
+from dynident.diagnosis.causes.bodies_in_motion import leaned
 from dynident.diagnosis.causes.cause_search import MANY, Blame
 from dynident.diagnosis.causes.frame_search import frame_findings
 from dynident.diagnosis.causes.position_spectrum import RIPPLE
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
-from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends, leaned
+from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends
 from dynident.diagnosis.finding import Finding, Severity
 from dynident.model.friction import FRICTION
 from dynident.model.joint import Joint

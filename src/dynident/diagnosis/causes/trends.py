@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.log import Log
-from dynident.diagnosis.causes.bodies_in_motion import BodiesInMotion
+from dynident.diagnosis.causes.bodies_in_motion import BodiesInMotion, lean_torques
 from dynident.diagnosis.causes.cause_columns import CauseRows
 from dynident.diagnosis.causes.cause_figures import about_their_bodies, figure_beside, figured
 from dynident.diagnosis.causes.cause_search import CHANCE, Blame, Cause, CauseSearch
@@ -21,7 +21,6 @@ from dynident.diagnosis.causes.model_error import FitErrors, ModelError
 from dynident.diagnosis.causes.position_spectrum import RIPPLE, ripples
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.identification.problem.problem import rest_speeds
-from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.quantiles import chi_square_tail
 
 #: Causes of one joint that act on the motion, for which straight lines do not hold far.
@@ -236,25 +235,32 @@ class Trends:
 
     @cached_property
     def _figured(self) -> tuple[tuple[Blame, ...], FitErrors]:
-        return figured(self._search, self._found, self._error, self._late_with_friction)
+        return figured(self._search, self._found, self._error, partial(self.made_again, with_friction=True))
 
-    def made_again(self, cause: Cause, beta: Array, values: Array) -> Cause:
-        """Return a cause that acts on the motion about bodies of other base parameters, (b,), and its values, (k,)."""
-        if cause.name in (*CURVED, "time scale"):
-            column = self._by_motion(cause.name, cause.joint, self._motion_of(beta), float(values[0]))
-        elif cause.name == "tilt":
-            column = self._tilt(beta)
-        else:
-            return cause
-        return self._filtered([replace(cause, columns=column.columns, is_filtered=False)])[0]
+    def made_again(
+        self, causes: Sequence[Cause], beta: Array, values: Sequence[Array], with_friction: bool = False
+    ) -> list[Cause]:
+        """Return the same causes, those that act on the motion about bodies of other base parameters, (b,).
 
-    def _late_with_friction(self, cause: Cause, beta: Array, values: Array) -> Cause:
-        """Return the same for figures: a delay of one joint moves its friction too, as a fit with it alone has that."""
-        if cause.name != DELAY:
-            return self.made_again(cause, beta, values)
-        alone = CauseSearch(self.rows, [cause]).fit([0]).beta[: self.rows.size]
-        motion = self._motion_of(beta, alone)
-        return self._filtered([self._by_motion(DELAY, cause.joint, motion, float(values[0]))])[0]
+        Each of these is a secant up to its values, (k,), where the zeros before it are moved by theirs: together they
+        are exact. A delay of one joint moves its friction too, ``with_friction``, as a fit with it alone has that.
+        """
+        made, log = list[Cause](), self._log
+        for cause, own in zip(causes, values, strict=True):
+            if cause.name == "tilt":
+                column = self._tilt(beta)
+            elif cause.name in (*CURVED, "time scale"):
+                late = with_friction and cause.name == DELAY
+                friction = CauseSearch(self.rows, [cause]).fit([0]).beta[: self.rows.size] if late else 0.0
+                motion = self._motion_of(beta, friction, log)
+                column = self._by_motion(cause.name, cause.joint, motion, float(own[0]))
+                if cause.name == ZERO:
+                    log = motion.moved(self._number(cause.joint), float(own[0]))
+            else:
+                made.append(cause)
+                continue
+            made.append(replace(cause, columns=column.columns, is_filtered=False))
+        return [*self._filtered(made)] if any(not cause.is_filtered for cause in made) else made
 
     def _by_motion(self, name: str, joint: str, motion: BodiesInMotion, value: float = 0.0) -> Cause:
         """Return a cause that acts on the motion of links, as a secant up to a value.
@@ -265,17 +271,20 @@ class Trends:
         if name == "time scale":
             return _cause(name, "", motion.clock())
         make = {ELASTIC: motion.elastic, ZERO: motion.zero, DELAY: motion.late}[name]
-        column = make(self.fit.model.robot.joint_names.index(joint), value)
+        column = make(self._number(joint), value)
         return replace(_cause(name, joint, column), is_positive=name == ELASTIC)
 
-    def _motion_of(self, beta: Array, friction: Array | float = 0.0) -> BodiesInMotion:
-        """Return the motion with the bodies of base parameters, shape (b,), and the friction of others, or none."""
+    def _number(self, joint: str) -> int:
+        return self.fit.model.robot.joint_names.index(joint)
+
+    def _motion_of(self, beta: Array, friction: Array | float, log: Log) -> BodiesInMotion:
+        """Return a motion with the bodies of base parameters, shape (b,), and the friction of others, or none."""
         both = np.where(self.fit.base.is_friction, friction, beta)
-        return BodiesInMotion.of_bodies(self.fit.regressor, self._log, both)
+        return BodiesInMotion.of_bodies(self.fit.regressor, log, both)
 
     @cached_property
     def _motion(self) -> BodiesInMotion:
-        return self._motion_of(self.fit.plain.beta)
+        return self._motion_of(self.fit.plain.beta, 0.0, self._log)
 
     @property
     def causes(self) -> tuple[Cause, ...]:
@@ -367,32 +376,6 @@ class Trends:
         gravity = np.asarray(self.fit.model.robot.gravity)
         bodies = np.where(self.fit.base.is_friction, 0.0, beta)
         return _cause("tilt", "", *lean_torques(self.fit.gravity_observers, self._log, bodies, gravity))
-
-
-def lean_torques(observers: Sequence[RegressorStream], log: Log, beta: Array, gravity: Array) -> Array:
-    """Return the torques of bodies by a lean of the base about both axes across gravity, per radian, shape (2, N, n).
-
-    Args:
-        observers: See :func:`~.quick_fit.gravity_observers`.
-        log: The motion, of N samples.
-        beta: Base parameters of the bodies, shape (b,).
-        gravity: That which the base leans from, shape (3,), in m/s^2.
-    """
-    still, *along = (observer.predict(log, beta) for observer in observers)
-    pulls, size = np.stack(along) - still, float(np.linalg.norm(gravity))
-    return np.stack([size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)])
-
-
-def leaned(gravity: Array, lean: Array) -> Array:
-    """Return gravity (3,) turned by small angles (2,) in rad towards the vectors across it, of the same size."""
-    size = float(np.linalg.norm(gravity))
-    found = gravity + size * lean @ across_gravity(gravity)
-    return found * (size / float(np.linalg.norm(found)))
-
-
-def across_gravity(gravity: Array) -> Array:
-    """Return two unit vectors across gravity and each other, shape (2, 3)."""
-    return np.linalg.svd(gravity[None] / np.linalg.norm(gravity))[2][1:]
 
 
 def _cause(name: str, joint: str, *columns: Array) -> Cause:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.case.evidence.torques import OFF
+from dynident.case.evidence.torques import OFF, agrees
 from dynident.diagnosis.causes.against_bodies import OF_ALL, AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import KnownBodies, NominalBodies, nominal_bodies, with_rotors
@@ -34,6 +34,10 @@ from dynident.diagnosis.finding import Finding, Severity
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
 #: figure, in which the errors of the known bodies count, from which it is one.
 MATTERS, SURE = 0.1, 5.0
+
+#: Factor of all torques from which it is told although no residual shows it, and likelihood ratio from which it is sure
+#: (chance 0.001 of one question, Wilks 1938).
+FAR, SURE_FACTOR = 1.5, 10.8
 
 #: Causes of which free bodies may give the better figure, and those that they give alone: friction, which no known
 #: bodies have, passes for a delay or an elastic joint, and errors of a robot model's centres of mass for another zero;
@@ -71,15 +75,18 @@ def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: st
         for one in trends.blames
         if one.cause.name in FREE and (one.cause.name != SCALE or believed(one, subject.trend_scale) is not None)
     }
-    every = against.blames
-    if subject.known is None and (unit := [each for blame in every for each in _unit(blame, against)]):
-        return unit
+    every, common = against.blames, list[Finding]()
+    if isinstance(known, NominalBodies):
+        common = _unit(against) if subject.known is None else []
+        if common:
+            return common
+        common = _common(against, words)
     frames, blames = standing(trends, every)
     left_out = FREE_ALONE + (FREE_OF_MODELS if isinstance(known, NominalBodies) else ())
-    return frames + [
+    return [*common, *frames] + [
         _finding(each, None if each is blame else blame, against, words)
         for blame in blames
-        if blame.cause.name not in left_out
+        if blame.cause.name not in left_out and not (common and (blame.cause.name, blame.cause.joint) == OF_ALL)
         for each in (blame, *blame.rivals)
         if each.cause.name not in left_out
         and not _is_better(free.get((each.cause.name, each.cause.joint)), each)
@@ -107,27 +114,57 @@ def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: 
     return replace(found, severity="note", evidence=evidence, beside=beside)
 
 
-def _unit(blame: Blame, against: AgainstBodies) -> list[Finding]:
+def _is_common(blame: Blame, errors: float, beyond: float) -> bool:
+    """Return whether the robot model's bodies are surely right in another size alone, by a factor beyond another one.
+
+    One factor is asked for, so no other causes count: by chance its likelihood is as good once in a thousand logs.
+    """
+    ratio, half = 1.0 + float(blame.values[0]), float(blame.half_widths[0])
+    is_sure = blame.certainty**2 > SURE_FACTOR and errors < ALIKE - 1.0
+    return ratio > 0.0 and is_sure and abs(np.log(ratio)) - half / ratio > np.log(beyond)
+
+
+def _unit(against: AgainstBodies) -> list[Finding]:
     """Return that all torques are in another unit, where the robot model's bodies are right in another size alone.
 
     The joints need not ask for one factor, for which another check stands: a load at the flange makes torques larger,
     those of most joints up to thrice. No joint may ask for less than that factor.
     """
-    if (blame.cause.name, blame.cause.joint) != OF_ALL or not blame.values[0] > -1.0:
+    blame, errors = against.scale_of_all
+    if not _is_common(blame, errors, OFF):
         return []
-    ratio, times = 1.0 + float(blame.values[0]), abs(float(np.log1p(blame.values[0])))
-    far = times - float(blame.half_widths[0]) / ratio > np.log(OFF)
-    if not far or not against.errors_of_bodies < ALIKE - 1.0:
-        return []
+    ratio = 1.0 + float(blame.values[0])
     fit, ratios = against.fit, nominal_ratios(against.fit, SURE_OF_SHAPE**2)
     told = ratios[np.isfinite(ratios)] / ratio
-    if are_alike(fit, ratios) or not len(told) or told.min() < 1.0 / ALIKE or np.median(told) > LOADED * ALIKE:
+    if are_alike(fit, ratios) or not len(told) or told.min() < 1.0 / FAR or np.median(told) > LOADED * ALIKE:
         return []
     evidence = (
         f"whatever load the flange carries, the torques are {ratio:.3g} (+- {float(blame.half_widths[0]):.2g}) times "
         f"those of the robot model's masses (t = {blame.certainty:.0f})"
     )
     return [Finding("error", UNIT, "", evidence, other_unit(fit, ratio), {"ratio": ratio}, OF_UNIT)]
+
+
+def _common(against: AgainstBodies, words: str) -> list[Finding]:
+    """Return that all torques are those of the robot model's bodies times one factor, far from one.
+
+    Masses that are all off by it do the same, and no log tells these apart. It is a note where the factor is not sure.
+    """
+    blame, errors = against.scale_of_all
+    ratio, half = 1.0 + float(blame.values[0]), float(blame.half_widths[0])
+    far = agrees(ratio) and abs(np.log(ratio)) > max(np.log(FAR), half / ratio)  # beyond, another check tells a unit
+    if not far or blame.certainty < TOLD:
+        return []
+    evidence = (
+        f"{words}torques of all joints are {ratio:.3g} (+- {half:.2g}) times those of its masses (t = "
+        f"{blame.certainty:.0f}); a log cannot tell this from masses that are all off by as much"
+    )
+    told = trend_finding(blame, against.fit)
+    severity: Severity = "warning" if _is_common(blame, errors, ALIKE) else "note"
+    weighed = "'dynident payload ESTIMATE LOG' of a load that you have weighed tells which: its mass is off by as much"
+    if against.fit.effort != "torque":
+        weighed = "'dynident gains --load LOG --mass KG' with a load that you have weighed tells which"
+    return [Finding(severity, SCALE, "", evidence, f"{told.remedy}; {weighed}", told.numbers)]
 
 
 def _load(blame: Blame, against: AgainstBodies) -> Finding:
