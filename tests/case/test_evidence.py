@@ -69,6 +69,14 @@ def test_the_ratio_of_velocities_has_their_unit_and_their_sign(factor: float) ->
     assert velocity_pair(TIME[:40], Q[:40], DQ[:40]) is None
 
 
+@pytest.mark.parametrize("pause", [0.0, 30.0])
+def test_velocities_are_not_held_against_positions_across_a_gap(pause: float) -> None:
+    """Positions that go on elsewhere after a pause in the recording had been a clock that is off."""
+    later = np.where(TIME < 4.0, 0.0, 1.0)
+    pair = velocity_pair(TIME + pause * later, Q + np.outer(later * (pause > 0.0), [1.5, 1.5]), DQ)
+    assert pair is not None and pair.ratios == pytest.approx([1.0, 1.0], rel=2e-3)
+
+
 @pytest.mark.parametrize("lag", [0.02, 0.15, -0.03, 0.0])
 def test_the_lag_of_velocities_is_their_shift_and_noise_or_a_unit_is_none(lag: float) -> None:
     late = np.column_stack([np.interp(TIME - lag, TIME, column) for column in DQ.T])

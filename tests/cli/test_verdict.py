@@ -27,7 +27,7 @@ from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.robot import Robot
-from dynident.results.verdict import reason_of
+from dynident.results.verdict import new_log_line, reason_of
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[2].parent / "shared" / "data")
 PANDA = DATA / "panda_gaz2019" / "exciting_traj_1.csv"
@@ -326,6 +326,9 @@ def test_a_new_log_in_which_most_joints_rest_is_as_the_training(spatial_3r: Robo
     test = compared(estimate, [Log(log.joints, log.time, q, torque=torque)])
     found = judged_logs(estimate, test, [])
     assert found.quality is None and not found.explains_nothing and not found.unlike
+    assert found.resting == log.joints[1:] and not judged_logs(estimate, compared(estimate, [log]), []).resting
+    first = f"{', '.join(log.joints[1:])}, moved in the training, rest; no other joint errs far"
+    assert first in new_log_line(found)
 
 
 def test_a_wrong_nominal_model_is_worse_and_the_true_one_is_not(

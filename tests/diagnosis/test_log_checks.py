@@ -162,6 +162,23 @@ def test_currents_of_unlike_gains_in_another_order_are_named(
         assert "torque order" not in [one.name for one in mended.examined(tmp_path).findings]
 
 
+@pytest.mark.parametrize("stated", [1.0, 0.0])
+def test_gains_that_are_all_stated_as_one_are_told_as_such(stated: float, trial: Trial, tmp_path: Path) -> None:
+    """The ratio of two of them was told, with a false link frame beside it; stated rightly nothing is said."""
+    names, gains = trial.case.robot.joint_names, np.array([9.0, 4.0, 6.0])
+    drives = {name: Drive(gain=stated or float(gain)) for name, gain in zip(names, gains, strict=True)}
+    columns = {key: values for key, values in trial.columns.items() if key != "tau"} | {
+        "i": trial.columns["tau"] / gains
+    }
+    found = Trial(replace(trial.case, robot=trial.case.robot.with_drives(drives)), columns).examined(tmp_path).findings
+    grave = [one for one in found if one.severity != "note"]
+    assert [(one.name, one.joint) for one in grave] == [("torque units", ", ".join(names))] * bool(stated)
+    assert all("all drive gains are stated as 1" in one.evidence for one in grave)
+    assert all(
+        one.numbers[f"ratio {names[k]}"] == pytest.approx(1 / gains[k], rel=0.1) for one in grave for k in range(3)
+    )
+
+
 @pytest.mark.parametrize(("arm", "order"), [("", (1, 0, 2)), ("", (2, 0, 1)), ("er16", (0, 2, 1, 3, 4, 5))])
 def test_columns_of_motors_in_another_order_are_named(
     trial: Trial, arm: str, order: tuple[int, ...], tmp_path: Path
@@ -836,11 +853,12 @@ def test_a_torque_that_is_right_on_one_side_alone_has_its_sign(sign: float, tria
     assert ("torque sign" in [one.name for one in found]) == (sign < 0.0)
 
 
-@pytest.mark.parametrize("size", [3.0, 0.0])
+@pytest.mark.parametrize("size", [3.0, 0.1, 0.0])
 def test_a_contact_is_named_with_its_time_and_huber_goes_without_it(size: float, trial: Trial, tmp_path: Path) -> None:
     tau, time = trial.columns["tau"].copy(), trial.columns["t"] - trial.columns["t"][0]
     pulse = np.where((time > 4.0) & (time < 4.4), np.sin(np.pi * (time - 4.0) / 0.4), 0.0)
-    struck = trial.with_columns(tau=tau + size * np.abs(tau).max(axis=0) * pulse[:, None])
+    weak = np.where((time > 7.0) & (time < 7.25), 0.018, 0.0)  # as of braking: beside the contact it is none
+    struck = trial.with_columns(tau=tau + np.abs(tau).max(axis=0) * (size * pulse + weak)[:, None])
     found = struck.examined(tmp_path).findings
     contacts = [one for one in found if one.name == "contact"]
     assert len(contacts) == bool(size)

@@ -35,6 +35,7 @@ class NewLog:
         step: What to do about that.
         worthless: At how many of its joints, of how many, the model is worse than a constant.
         is_still: Whether no joint moves in it.
+        resting: Joints that rest in it all along, which the training moves.
         quality: What the log checks found in it against the estimate; None where they were not made.
         command: The command that looks for causes.
     """
@@ -46,6 +47,7 @@ class NewLog:
     step: str
     worthless: tuple[int, int]
     is_still: bool
+    resting: tuple[str, ...]
     quality: Quality | None
     command: str
 
@@ -85,7 +87,9 @@ def new_log(
     error, trained = test.total_relative_error, estimate.train.total_relative_error
     quality = check() if told or 2 * worthless[0] > worthless[1] or is_asked else None
     is_still = not any(fit.samples for fit in test.moving)
-    return NewLog(name, error, trained, told, step, worthless, is_still, quality, command)
+    pairs = zip(test.moving, estimate.train.moving, strict=True)
+    resting = tuple(now.name for now, then in pairs if then.samples and not now.samples)
+    return NewLog(name, error, trained, told, step, worthless, is_still, resting, quality, command)
 
 
 def _is_worthless(now: Fit, then: Fit) -> bool:

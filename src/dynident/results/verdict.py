@@ -40,6 +40,9 @@ def new_log_line(new: NewLog) -> str:
         return f"{label(new.name)}: {label(new.unlike)} ({totals})"
     if new.is_still:
         return f"{label(new.name)}: no joint moves, so that only the weight is compared ({totals})"
+    if new.resting:
+        rest = f"{_first_names(new.resting)}, moved in the training, rest{'s' * (len(new.resting) == 1)}"
+        return f"{label(new.name)}: {rest}; no other joint errs far beyond the training ({totals})"
     return f"{label(new.name)}: no joint errs far beyond the training ({totals})"
 
 

@@ -14,8 +14,8 @@ from dynident.data.preprocessing._zero_phase import low_passed
 #: Both are compared below this frequency, in Hz, where arms move.
 BAND_HZ = 5.0
 
-#: Fewest samples of a comparison.
-FEWEST = 50
+#: Fewest samples of a comparison; median steps, and share of the log, of a gap across which no motion is drawn.
+FEWEST, GAP, GAP_SHARE = 50, 100.0, 0.01
 
 #: Lags that are tried, in s, and the steps by which.
 EARLIEST, LATEST, COARSE, FINE = -0.1, 0.4, 1e-2, 1e-3
@@ -88,8 +88,17 @@ class VelocityPair:
 
 
 def velocity_pair(time: Array, q: Array, dq: Array) -> VelocityPair | None:
-    """Return velocities beside the derivative of positions, shape (N, n) each; None where the log is too short."""
+    """Return velocities beside the derivative of positions, shape (N, n) each, in the longest part without a gap.
+
+    None where that is too short.
+    """
     if len(time) < FEWEST or not np.ptp(time):
+        return None
+    steps = np.diff(time)
+    gap = max(GAP * float(np.median(steps)), GAP_SHARE * float(np.ptp(time)))
+    part = max(np.split(np.arange(len(time)), np.flatnonzero(steps > gap) + 1), key=len)
+    time, q, dq = time[part], q[part], dq[part]
+    if len(time) < FEWEST:
         return None
     rate = 1.0 / float(np.median(np.diff(time)))
     band = min(BAND_HZ, 0.2 * rate)

@@ -82,14 +82,17 @@ def _spoiled(fit: QuickFit) -> tuple[BoolArray, Array, float] | None:
         residual = np.where(rows.masks, fit.residual_of(rows, rest.beta), np.nan)[:, some]
     if not left_out.any():
         return None
-    with np.errstate(invalid="ignore"):
-        inside, outside, was = (_squares(each) for each in (residual[left_out], residual[~left_out], whole[~left_out]))
-    ratios = np.zeros(len(some))
     size = np.nanvar(np.where(rows.masks, rows.torque, np.nan)[:, some], axis=0)
-    ratios[some] = np.where(inside > LARGE**2 * size, np.sqrt(inside / outside), 0.0)
+    outside, was = (_squares(each[~left_out]) for each in (residual, whole))
     fall = float(np.exp(np.mean(np.log(was / outside))))
-    is_told = ratios.max() >= APART and fall >= SPOILED and _is_alike_in_motion(fit, left_out, windows)
-    return (left_out, ratios, fall) if is_told else None
+    own, told, ratios = np.flatnonzero(left_out), np.zeros(len(windows), bool), np.zeros(len(some))
+    for part in np.split(own, np.flatnonzero(np.diff(windows[own]) > 1) + 1):  # braking is none beside a contact
+        inside = _squares(residual[part])
+        times = np.where(inside > LARGE**2 * size, np.sqrt(inside / outside), 0.0)
+        if times.max() >= APART:
+            told[part], ratios[some] = True, np.maximum(ratios[some], times)
+    is_told = told.any() and fall >= SPOILED and _is_alike_in_motion(fit, left_out, windows)
+    return (told, ratios, fall) if is_told else None
 
 
 def _is_alike_in_motion(fit: QuickFit, left_out: BoolArray, windows: IntArray) -> bool:

@@ -109,7 +109,7 @@ def _one_joint(subject: CheckedLog, found: Sequence[JointScale]) -> list[Finding
     numbers = {"factor": best.factor, "low": best.low, "high": best.high, "gain": best.gain}
     sure = best is subject.sure_scale
     severity: Severity = "error" if sure else "warning"
-    explains = tuple(name for name in CONSEQUENCES if name != "torque scale") if sure else ()
+    explains = (*(name for name in CONSEQUENCES if name != "torque scale"), "link frame") if sure else ()
     joints = listed([each.joint for each in found])
     return [Finding(severity, "torque scale", joints, evidence, remedy, numbers, explains)]
 
@@ -162,8 +162,10 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies |
 def _other_units(fit: QuickFit, ratios: Array) -> list[Finding]:
     """Return that the torques are far off those of the robot model's masses, each by a factor of its own, (n,)."""
     told = np.flatnonzero(np.isfinite(ratios))
-    logs = np.log(ratios[told])
-    if len(told) < max(2, fit.moves.sum() / 2) or not abs(np.median(logs)) > np.log(FAR_OFF):
+    logs, gains = np.log(ratios[told]), [joint.drive.gain for joint in fit.model.robot.active]
+    is_filled = fit.effort != "torque" and all(gain == 1.0 for gain in gains)
+    beyond = OFF if is_filled else FAR_OFF  # no drive has a gain of one, and not all of them
+    if len(told) < max(2, fit.moves.sum() / 2) or not abs(np.median(logs)) > np.log(beyond):
         return []
     if not np.all(np.sign(np.median(logs)) * logs > np.log(OFF)) or np.ptp(logs) < np.log(APART):
         return []
@@ -175,8 +177,14 @@ def _other_units(fit: QuickFit, ratios: Array) -> list[Finding]:
         "and gear ratios (drives: {JOINT: {gain: ..., gear_ratio: ...}}; log: side: {torque: motor}), or rated torques "
         "at the joints (log: rated)"
     )
+    if is_filled:
+        evidence = f"all drive gains are stated as 1, and {evidence}"
+        remedy = (
+            "state the gains, gear ratio times torque constant (drives: {JOINT: {gain: ...}}), from data sheets, or "
+            "find them with dynident gains"
+        )
     numbers = {f"ratio {name}": float(ratio) for name, ratio in zip(names, ratios[told], strict=True)}
-    explains = (*CONSEQUENCES, "torque scales", "another robot", "coupling")
+    explains = (*CONSEQUENCES, "torque scales", "another robot", "coupling", "link frame")
     return [Finding("error", "torque units", listed(names), evidence, remedy, numbers, explains)]
 
 
