@@ -285,6 +285,8 @@ def test_names_with_arguments(arguments: dict[str, str]) -> None:
 
 
 def test_what_is_a_xacro() -> None:
+    assert not is_xacro("a.urdf", b"<robot><!-- <xacro:arm/> --><link/><!-- ${n} --></robot>")
+    assert is_xacro("a.urdf", b"<robot><!-- old --><xacro:arm/><!-- end --></robot>")
     assert is_xacro("a.urdf", b"<robot><xacro:if/></robot>") and is_xacro("a.xacro", b"<robot name='$(arg n)'/>")
     assert not is_xacro("a.urdf", b"<robot><gazebo>$(find x)</gazebo></robot>") and not is_xacro("a.xacro", b"<robot/>")
 

@@ -75,8 +75,15 @@ def with_arguments(file: str, arguments: Mapping[str, str]) -> str:
 
 
 def is_xacro(path: str | Path, data: bytes) -> bool:
-    """Return whether a file is to be expanded: it has macros, or ends with .xacro and has expressions."""
-    return _MACROS[0] in data or (str(path).endswith(".xacro") and any(mark in data for mark in _MACROS))
+    """Return whether a file is to be expanded: it has macros, or ends with .xacro and has expressions.
+
+    What stands in comments does not count: an expanded file may have macros there.
+    """
+    if not any(mark in data for mark in _MACROS):
+        return False
+    first, *rest = data.split(b"<!--")
+    read = first + b"".join(part.partition(b"-->")[2] for part in rest)
+    return _MACROS[0] in read or (str(path).endswith(".xacro") and any(mark in read for mark in _MACROS))
 
 
 def expand(file: Path, arguments: Mapping[str, str], packages: Mapping[str, str] = MappingProxyType({})) -> Expanded:
