@@ -76,15 +76,15 @@ def _show(found: ActuatorEstimate) -> None:
         console.answer()
         console.answer_table(parameter_table(joint), joint.name)
         for line in joint_lines(joint):
-            console.answer_text(f"  {line}")
+            console.answer(f"  {line}")
     console.answer()
     if found.bodies is not None:
         console.answer_table(bodies_table(found.bodies), "bodies")
     for line in scale_lines(found):
-        console.answer_text(line)
+        console.answer(line)
     of_bodies = [] if found.bodies is None else bodies_warnings(found.bodies)
     for warning in (*of_bodies, *all_warnings(found.joints), *found.provenance.get("left_out", ())):
-        console.answer_text(f"warning: {warning}")
+        console.answer(f"warning: {warning}")
 
 
 #: Options of 'excite' that design a motion for torques.
@@ -242,7 +242,7 @@ def validate(options: argparse.Namespace) -> int:
         console.answer(line)
     console.answer_table(errors_table(runs))
     for warning in all_warnings(estimate.joints):
-        console.answer_text(f"warning: {warning}")
+        console.answer(f"warning: {warning}")
     if options.report:
         console.remark(f"wrote {options.report}", options.quiet)
     return 0

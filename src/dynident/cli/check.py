@@ -137,11 +137,11 @@ def show(examination: Examination) -> None:
     for finding, *alike in _alike(alone, {finding.beside for finding in examination.findings}):
         joints = dict.fromkeys(", ".join(each.joint for each in (finding, *alike)).split(", "))
         label = f"{finding.name} ({', '.join(joints)}), at {finding.joint}" if alike else finding.label
-        console.answer_text(f"  {finding.severity}: {label}: {finding.evidence}")
-        console.answer_text(f"    {finding.remedy}")
+        console.answer(f"  {finding.severity}: {label}: {finding.evidence}")
+        console.answer(f"    {finding.remedy}")
         for rival in examination.findings:
             if rival.beside == finding.label and rival not in alone:
-                console.answer_text(f"    or {rival.label}: {rival.evidence.split(f'{rival.beside}: ')[-1]}")
+                console.answer(f"    or {rival.label}: {rival.evidence.split(f'{rival.beside}: ')[-1]}")
     if examination.left_out:
         console.answer(f"  {examination.left_out}")
 

@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli import console
     from dynident.cli.main import build_parser
 
-    console.answer(completion(build_parser(), options.shell).rstrip())
+    console.answer_verbatim(completion(build_parser(), options.shell).rstrip())
     return 0
 
 

@@ -56,13 +56,13 @@ def _say_in_colour(text: str, sign: str, stream: TextIO) -> None:
 
 
 def answer(text: str = "") -> None:
-    """Print an answer."""
-    _say(text, sys.stdout)
-
-
-def answer_text(text: str) -> None:
-    """Print a line of prose: on a terminal as lines that end between words, set in as it is; elsewhere as one line."""
+    """Print an answer: on a terminal as lines that end between words, each set in as it is; elsewhere as it is."""
     _say_prose(text, sys.stdout)
+
+
+def answer_verbatim(text: str) -> None:
+    """Print what is to be copied, such as a command of a controller, as it is."""
+    _say(text, sys.stdout)
 
 
 def remark(text: str, quiet: bool = False) -> None:

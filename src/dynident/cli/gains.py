@@ -253,7 +253,8 @@ def _show(found: DriveGains, section: str, output: str | None) -> None:
     if any(gain.sign for gain in found.gains):
         console.answer("gains for each sign go into no case file; without --signed one for both is found")
     elif not output:
-        console.answer(f"for the case file:\n\n{section}".rstrip())
+        console.answer("for the case file:\n")
+        console.answer_verbatim(section.rstrip())
 
 
 def _table(found: DriveGains) -> Table:

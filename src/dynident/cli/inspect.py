@@ -289,14 +289,14 @@ def _show_meshes(case: Case) -> None:
     missing = missing_meshes(case.robot, split_arguments(case.robot_path)[0], folders)
     if missing:
         console.answer(
-            f"\n{len(missing)} of {mesh_count(case.robot)} meshes are missing. Clearance checks need what touches;\n"
-            "so do the sizes of bodies, of a link without one the visual ones. Name their\n"
-            "folders under workspace.mesh_folders, or in ROS_PACKAGE_PATH (a package is a folder with a\n"
-            "package.xml of that name):"
+            f"\n{len(missing)} of {mesh_count(case.robot)} meshes are missing. Clearance checks need what touches; so "
+            "do the sizes of bodies, of a link without one the visual ones. Name their folders under "
+            "workspace.mesh_folders, or in ROS_PACKAGE_PATH (a package is a folder with a package.xml of that name):"
         )
-        for mesh in missing:
-            kind = " (visual)" if mesh.is_visual else ""
-            console.answer(f"  {label(mesh.link)}: {label(mesh.file)}{kind}, {label(mesh.reason)}")
+        for reason in dict.fromkeys(mesh.reason for mesh in missing):
+            console.answer(f"  {label(reason)}:")
+            for mesh in (one for one in missing if one.reason == reason):
+                console.answer(f"    {label(mesh.link)}: {label(mesh.file)}{' (visual)' * mesh.is_visual}")
     lacking = {mesh.link for mesh in missing}
     faults = [fault for fault in with_mesh_points(case.robot, case.robot_path, folders)[1] if fault.link not in lacking]
     if faults:

@@ -116,7 +116,7 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
         Column("verdict"),
     )
     counted = f"{found.samples} rows" if found.rows == "motion" else f"{found.samples} postures"
-    console.answer_text(f"payload in {label(found.place)}; from {counted}")
+    console.answer(f"payload in {label(found.place)}; from {counted}")
     console.answer()
     console.answer_table(Table(columns, tuple(rows)))
     console.answer("\nmoments are about the origin of the frame")
@@ -131,12 +131,12 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
         inertia = "" if found.inertia_known else " (inertia left out: the log does not tell all of it)"
         console.answer(f"\nfor controllers, from the origin of {label(found.frame)}{inertia}:")
         for name, text in forms.items():
-            console.answer(f"  {name}: {text}")
+            console.answer_verbatim(f"  {name}: {text}")
     else:
         unknown = "" if found.contradiction else f"{', '.join(found.unknown)} not determined well enough; "
         console.answer()
         why = unplaced_reason(found)
-        console.answer_text(f"no form for controllers: {unknown}{why}")
+        console.answer(f"no form for controllers: {unknown}{why}")
     for remark in found.remarks:
         if remark != why:
-            console.answer_text(f"remark: {remark}")
+            console.answer(f"remark: {remark}")

@@ -18,11 +18,11 @@ def show(verdict: Verdict) -> None:
 
     line = headline(verdict)
     if line:
-        console.answer_text(line)
+        console.answer(line)
     for cause in cause_lines(verdict):
-        console.answer_text(f"  error: {cause}")
+        console.answer(f"  error: {cause}")
     for told in new_lines(verdict):
-        console.answer_text(told)
+        console.answer(told)
     if verdict.criteria:
         console.answer_table(criteria_table(verdict))
     if not verdict.is_checked:
@@ -85,21 +85,21 @@ def show_short(
     from dynident.results import short_answer
     from dynident.results.verdict import cause_lines, criteria_table, new_lines
 
-    console.answer_text(short_answer.verdict_line(verdict))
+    console.answer(short_answer.verdict_line(verdict))
     for cause in cause_lines(verdict):
-        console.answer_text(f"error: {cause}")
+        console.answer(f"error: {cause}")
     for told in new_lines(verdict):
-        console.answer_text(told)
+        console.answer(told)
     if verdict.criteria:
         console.answer_table(criteria_table(verdict))
     console.answer()
     for line in short_answer.error_lines(estimate, test):
-        console.answer_text(line)
+        console.answer(line)
     table = short_answer.joints_table(estimate, test)
     console.answer_table(table, f"relative torque error, {'training' if test is None else 'test'} data")
     for line in (table.note, "", *short_answer.summary_lines(estimate, test, verdict.new is not None)):
         if line or line != table.note:
-            console.answer_text(line)
+            console.answer(line)
     show_ranges(estimate)
     new = verdict.new
     named = "" if new is None or new.quality is None else new.warning  # its causes stand above
