@@ -13,6 +13,9 @@ from dynident.model.robot import Robot
 #: Words in the names of frames that a payload is often stated in; frames with one are offered first.
 FLANGES = ("tcp", "tool", "flange", "ee", "attachment")
 
+#: Share of what the load lowers the weighted squares by from which one at an end of another branch counts as a second.
+SECOND = 0.05
+
 #: By how much the weighted squares of two ends differ by noise alone at most: ten unknowns, with a chance of 0.001.
 BY_NOISE = float(scipy.stats.chi2.isf(0.001, 10))
 
@@ -52,6 +55,25 @@ def chosen_end(ends: Sequence[str], gains: Sequence[float]) -> tuple[str, list[s
     others = [f"one at {name} by {share:.2g} % of that" for name, share in zip(ends, shares, strict=True)]
     text = f"of the ends of the robot the load is at {ends[best]}: there it lowers the weighted squares by "
     return ends[best], [f"{text}{gains[best]:.3g}, {', '.join(np.delete(others, best))} (another: --flange NAME)"]
+
+
+def second_load(robot: Robot, ends: Sequence[str], gains: Sequence[float]) -> list[str]:
+    """Return whether ends of branches that have no joint in common with the one that carries the load may have one too.
+
+    What a load at one of these lowers the weighted squares by, one at the other does not.
+    """
+    best, carriers = int(np.argmax(gains)), []
+    for name in ends:
+        way = [CarriedBody(1.0, frame=name).place(robot)[0]]
+        while (parent := robot.joints[way[-1]].parent) >= 0:
+            way.append(parent)
+        carriers.append(set(way))
+    also = [
+        name
+        for k, name in enumerate(ends)
+        if gains[k] > max(BY_NOISE, SECOND * gains[best]) and not carriers[k] & carriers[best]
+    ]
+    return [f"a load at {name} as well lowers the weighted squares: weigh it by --flange {name}" for name in also]
 
 
 def frames_beside(robot: Robot, name: str) -> list[str]:

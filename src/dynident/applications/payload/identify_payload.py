@@ -17,7 +17,7 @@ from dynident.applications.payload.difference_fit import (
     independent_covariance,
     noise_covariance,
 )
-from dynident.applications.payload.flanges import chosen_end, ends_of, frames_beside
+from dynident.applications.payload.flanges import chosen_end, ends_of, frames_beside, second_load
 from dynident.applications.payload.gain_doubt import GainDoubt, gain_doubt, scaled_rows
 from dynident.applications.payload.poses import holding_friction, mostly_standing, posture_log
 from dynident.applications.payload.statement import PayloadFit, disagreement, stated, unexplained
@@ -114,7 +114,7 @@ def identify_payload(
     }
     gains_of = [run.gain() for run in runs.values()] if len(runs) > 1 else [0.0]
     frame, remarks = chosen_end(ends, gains_of)
-    remarks = [] if flange else [*remarks, *frames_beside(robot, frame)]
+    remarks = [] if flange else [*remarks, *second_load(robot, ends, gains_of), *frames_beside(robot, frame)]
     names, fit = tuple(log.name for log in logs), runs[frame].solve()
     if known.mass is None:
         return stated(fit, estimate, frame, level, names, tuple(remarks))

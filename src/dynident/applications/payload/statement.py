@@ -212,6 +212,7 @@ def _unexplained(found: PayloadFit, estimate: Estimate) -> tuple[list[str], str]
     """Return remarks on torque that the payload leaves, and why no payload is what the run has more than the robot.
 
     For that all joints count together: one that the payload hardly loads may have another reason, as a hose at a wrist.
+    A payload on another link that explains the torques far better is a reason as well.
     """
     left = _torque_left(found, estimate)
     if left is None:
@@ -223,8 +224,11 @@ def _unexplained(found: PayloadFit, estimate: Estimate) -> tuple[list[str], str]
         own = robot.links[link].name
         flange = next(iter(likeliest([name for name, frame in robot.frames.items() if frame.link == link])), own)
         text = f"a payload on {own} explains the torques far better, that of {joint.name} to {rest[worst]:.3g} "
-        remarks.insert(0, f"{text}{joint.unit}: --flange {flange}; or the mounting or a zero is not that of the fit "
-                          "('dynident check CASE LOG --against ESTIMATE' looks)")  # fmt: skip
+        told = (
+            f"{text}{joint.unit}: --flange {flange}; or the mounting or a zero is not that of the fit "
+            "('dynident check CASE LOG --against ESTIMATE' looks)"
+        )
+        return [told, *remarks], told
     before, after = map(np.linalg.norm, found.residual)
     return remarks, told if after > LEFT * before else ""
 
