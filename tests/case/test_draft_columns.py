@@ -138,6 +138,19 @@ def test_any_name_is_written_so_that_yaml_reads_it_back(name: str) -> None:
     assert len(text.splitlines()) == 1
 
 
+def test_the_side_of_an_arm_may_be_missing_or_stand_behind() -> None:
+    """Of Baxter, as ``s0`` and ``s0_left``, columns had been grouped by their numbers, two joints at a time."""
+    left, right = ([f"{side}_{own}" for own in ("s0", "s1", "e0", "w0")] for side in ("left", "right"))
+    for header in ([f"pos_{name[5:]}" for name in left], [f"position/{name[5:]}_left" for name in left]):
+        group, *_ = groups_of(header, left)
+        assert group.named and group.names == tuple(header)
+    behind = [f"position/{name[5:]}_left" for name in left]
+    group, *_ = groups_of(behind, [*right, *left])
+    assert group.named and sorted(group.columns) == [4, 5, 6, 7]
+    assert not any(group.named for group in groups_of([f"pos_{name[5:]}" for name in left], [*right, *left]))
+    assert not any(group.named for group in groups_of(["imu_acc_x", "imu_acc_y"], ["gantry_x", "gantry_y"]))
+
+
 def test_joints_of_similar_names_are_kept_apart() -> None:
     joints = tuple(f"joint_{k}" for k in range(1, 12))
     header = [f"joint_{k}_pos" for k in range(11, 0, -1)]

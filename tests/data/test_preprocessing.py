@@ -348,6 +348,12 @@ def test_options_that_cannot_be(make, message):
             "simulated log: 600 samples are too few for a cut-off of 1 Hz; it takes more than 600; give a longer log",
         ),
         (
+            Butterworth(5.0),
+            log_of(np.zeros(600), rate=2e5),
+            "simulated log: steps of 5e-06 s, 0.00299 s in all; no log is as fast: is the time of this file in another "
+            "unit than units: {time: ...} of the case says?",
+        ),
+        (
             Butterworth(1e-300),
             log_of(np.zeros(600)),
             "simulated log: 600 samples are too few for a cut-off of 1e-300 Hz; it takes more than 6e+302; "

@@ -40,6 +40,9 @@ _OF_KINDS: Mapping[str, frozenset[str]] = {
 #: A column of a recording of several topics, and topics that are joined at most.
 _TOPIC, _MOST_TOPICS = re.compile(r"(/[^:]+):(.+)"), 6
 
+#: Words for the side of an arm that names of joints begin with.
+_SIDES = (("left",), ("right",))
+
 #: Words of joint names that columns often leave out.
 _GENERIC = frozenset(("joint", "jnt", "j"))
 
@@ -288,13 +291,21 @@ def _by_unit(meaning: Meaning, parts: Mapping[Meaning, Mapping[int, str]], joint
 
 
 def joint_forms(joints: Sequence[str]) -> dict[tuple[str, ...], int]:
-    """Return the words that stand for each joint; those that stand for two of them are left out."""
+    """Return the words that stand for each joint; those that stand for two of them are left out.
+
+    What all names begin with may be missing where a letter and a number are left, as ``s0``; the side of an arm may
+    stand behind.
+    """
     forms: dict[tuple[str, ...], int] = {}
     doubtful: set[tuple[str, ...]] = set()
-    for k, joint in enumerate(joints):
-        words = tuple(tokens_of(joint))
+    names = [tuple(tokens_of(joint)) for joint in joints]
+    shared = next((k for k, words in enumerate(zip(*names, strict=False)) if len(set(words)) > 1), 0)
+    for k, words in enumerate(names):
         short = tuple(word for word in words if word not in _GENERIC)
-        for form in {words, short}:
+        own = tuple(word for word in words[shared:] if word not in _GENERIC)
+        own = own if re.search("[a-z].*[0-9]", " ".join(own)) else short
+        turned = (*words[1:], words[0]) if words[:1] in _SIDES else words
+        for form in {words, short, own, turned}:
             if not form or all(word.isdigit() for word in form):
                 continue
             if forms.get(form, k) != k:

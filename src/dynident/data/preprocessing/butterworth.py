@@ -18,6 +18,9 @@ from dynident.errors import BadOption, LogMismatch
 #: Slower logs than this, in Hz, are taken for times in another unit.
 SLOW = 2.0
 
+#: Shorter logs of more samples a second, in Hz, too.
+FAST = 5e4
+
 #: The cut-off in Hz where none is stated and none is chosen.
 STATED_HZ = 5.0
 
@@ -147,7 +150,13 @@ def _check_length(log: Log, cutoff: float) -> None:
         raise LogMismatch(log.name, evidence, step)
     if log.samples <= _pad(cutoff, log.rate) + 1:
         evidence = f"{log.samples} samples are too few for a cut-off of {cutoff:g} Hz"
-        raise LogMismatch(log.name, evidence, f"it takes more than {_pad(cutoff, log.rate) + 1:.6g}; give a longer log")
+        step = f"it takes more than {_pad(cutoff, log.rate) + 1:.6g}; give a longer log"
+        if log.rate > FAST:
+            evidence = f"steps of {1.0 / log.rate:.3g} s, {log.duration:.3g} s in all"
+            step = (
+                "no log is as fast: is the time of this file in another unit than units: {time: ...} of the case says?"
+            )
+        raise LogMismatch(log.name, evidence, step)
 
 
 def _memory(cutoff: float, order: int, rate: float) -> int:
