@@ -62,12 +62,8 @@ def second_load(robot: Robot, ends: Sequence[str], gains: Sequence[float]) -> li
 
     What a load at one of these lowers the weighted squares by, one at the other does not.
     """
-    best, carriers = int(np.argmax(gains)), []
-    for name in ends:
-        way = [CarriedBody(1.0, frame=name).place(robot)[0]]
-        while (parent := robot.joints[way[-1]].parent) >= 0:
-            way.append(parent)
-        carriers.append(set(way))
+    best, places = int(np.argmax(gains)), (CarriedBody(1.0, frame=name).place(robot)[0] for name in ends)
+    carriers = [set(robot.carriers(place)) for place in places]
     also = [
         name
         for k, name in enumerate(ends)
