@@ -29,7 +29,7 @@ GROUND = (
 SIMULATED = SOURCE / "identification" / "simulated"
 
 #: Lines that the core may have: somebody has to read them.
-LINES = 30_903
+LINES = 31_000
 
 
 def _run(folder: Path, *words: str, package: Path | None = None) -> dict[str, object]:
