@@ -15,6 +15,7 @@ from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.examination import examine, examine_logs
 from dynident.diagnosis.verdict import Verdict, check_lines, logs_apart
 from dynident.model.friction import Motion
+from dynident.model.inertia import Inertia
 from dynident.results.verdict import reason_of
 
 
@@ -202,6 +203,24 @@ def test_two_logs_that_contradict_each_other_say_so(trials: list[Trial], tmp_pat
     assert logs_apart([one, other]) == ("run0.npz", "run1.npz")
     one["findings"][0]["severity"] = "note"
     assert logs_apart([one, other]) == ()
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_logs_with_and_without_a_tool_are_an_error_and_friction_of_another_day_is_none(
+    count: int, trials: list[Trial], tmp_path: Path
+) -> None:
+    """What a training on both had identified was of neither, with a warning and exit code 0."""
+    case = trials[0].case
+    last = case.robot.links[-1]
+    assert last.inertia is not None
+    body = Inertia.from_centre_of_mass(2.0, np.array([0.05, 0.1, -0.1]), 0.002 * np.eye(3))
+    robot = replace(case.robot, links=(*case.robot.links[:-1], replace(last, inertia=last.inertia + body)))
+    loaded = replace(virtual(replace(case, robot=robot), 1), case=case)
+    tau = trials[1].columns["tau"] + 6.0 * np.tanh(trials[1].columns["dq"] / 0.01) * (np.arange(3) == 2)
+    for second, severity in ((loaded, "error"), (trials[1].with_columns(tau=tau), "warning")):
+        found = examine_logs(case, written([trials[0], second, trials[2]][:count], tmp_path))
+        told = [one for each in found for one in each.findings if one.name == "unlike other logs"]
+        assert len(told) == (2 if count == 2 else 1) and {one.severity for one in told} == {severity}
 
 
 @pytest.mark.parametrize("factor", [0.45, 1.6, 2.2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.faults import injections as put
 from benchmarks.faults.all_joints import SCALE
-from benchmarks.faults.clean import findings_of, log, robot
+from benchmarks.faults.clean import case_of, findings_of, log, robot, written
 from benchmarks.faults.trials import Trial, subject_of, virtual
 from benchmarks.strangers.plant import urdf
 
@@ -23,6 +24,7 @@ from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_s
 from dynident.diagnosis.checks import CHECKS
 from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.checks.torque_scale import against_nominal
+from dynident.diagnosis.examination import examine
 from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import read_recording
 from dynident.model.friction import FRICTION, default_friction
@@ -289,3 +291,19 @@ def test_a_factor_of_all_torques_is_told_by_the_masses_of_the_robot_model(seed: 
         if severity == "warning":
             assert abs(found[0].numbers["value"] + 1.0 - factor) < found[0].numbers["half_width"] < 0.2 * factor
             assert "cannot tell this from masses" in found[0].evidence
+
+
+def test_a_base_that_leans_is_an_error_where_the_remedy_predicts_unseen_samples(tmp_path: Path) -> None:
+    """Beside so much noise the residual falls by less than a reading must: a warning until then, and exit code 0."""
+    bodies, generator = robot(np.random.default_rng([24, 7])), np.random.default_rng(7)
+    columns, side = log(np.random.default_rng([25, 7]), bodies, urdf("arm", bodies, 7))
+    columns["tau"] += 0.3 * columns["tau"].std(axis=0) * generator.normal(size=columns["tau"].shape)
+    written(columns, tmp_path / "run.csv")
+    upright = case_of(urdf("arm", bodies), side, tmp_path)
+    leaning = replace(upright, robot=replace(upright.robot, gravity=9.81 * np.array([0.0471, 0.0733, -0.9962])))
+    (error,) = [one for one in examine(leaning, str(tmp_path / "run.csv")).findings if one.severity != "note"]
+    assert (error.severity, error.name) == ("error", "tilt") and "is tilted by 5" in error.evidence
+    stated = np.array(re.findall(r"-?[0-9.]+", error.remedy.partition("gravity:")[2]), float)[:3]
+    for gravity in (upright.robot.gravity, stated):
+        mended = examine(replace(upright, robot=replace(upright.robot, gravity=gravity)), str(tmp_path / "run.csv"))
+        assert not [one for one in mended.findings if one.severity != "note"]

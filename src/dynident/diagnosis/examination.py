@@ -11,17 +11,14 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any
 
-import numpy as np
-
-from dynident.arrays import Array
 from dynident.case.case import Case
 from dynident.case.case_values import find_file
 from dynident.data.log_places import is_address
 from dynident.diagnosis.case_lines import with_case_line
-from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, alike_parts, pooled_logs
+from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, alike_parts, pooled_logs, unlike_finding
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.checks import CHECKS, Check, CheckedLog
-from dynident.diagnosis.finding import UNLIKE_OTHERS, Finding, Severity, ordered
+from dynident.diagnosis.finding import Finding, Severity, ordered
 from dynident.diagnosis.recording import Recording, read_recording
 from dynident.diagnosis.repair import Repaired, repair
 from dynident.errors import DynidentError, LogFormatError, LogMismatch
@@ -45,10 +42,6 @@ LONGEST_S, FULL = 1200.0, 3.0
 
 #: Logs that are named at most where some are examined together.
 NAMED = 4
-
-#: Times by which parameters of the other logs raise the residual of a log from which that is a warning; and from which
-#: it is one whatever else is found: a cause that all logs share raises the residual of their own parameters as well.
-UNLIKE_GRAVELY, UNLIKE_BY_FAR = 3.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -188,7 +181,9 @@ def examine_recordings(
     """
     checks = [CHECKS.make(name) for name in CHECKS.names()]
     seen = [_of_signals(checks, case, recording, earlier) for recording in recordings]
-    _tell_moved_by_others(seen, [not test for test in tests] or [True] * len(seen), moved)
+    for one, test in zip(seen, tests, strict=False):
+        one.learns = not test
+    _tell_moved_by_others(seen, moved)
     last = [check for check in checks if check.stage == _STAGES[-1]]
     parts = [_of_fits(last, group) for group in _groups([one for one in seen if not one.left_out])]
     _compare(case, parts)
@@ -212,6 +207,7 @@ class _ExaminedLog:
         left_out: Why the checks that need a fit were left out; empty where they are made.
         others: Findings of the logs together of which it is one.
         rests: Joints that are at rest in all of it and that other logs move: alone it determines too little.
+        learns: Whether it is one to learn from.
     """
 
     subject: CheckedLog
@@ -220,6 +216,7 @@ class _ExaminedLog:
     left_out: str = ""
     others: Sequence[Finding] = ()
     rests: frozenset[str] = frozenset()
+    learns: bool = True
 
     def leave_out(self, is_compared: bool) -> None:
         """Say that no fit was looked at, as it determines too little alone and no other logs go with it."""
@@ -292,7 +289,10 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> _PartOfL
     if not any(finding.severity == "error" for finding in (*own, *told)):  # else that is why logs differ
         for k in apart if len(pooled.ratios) else ():
             if pooled.ratios[k].max() > UNLIKE:
-                group[k].found.append(_unlike(group[k].subject.case, pooled.ratios[k], bool(together), why))
+                is_error = k in pooled.contradicts and group[k].learns
+                group[k].found.append(
+                    unlike_finding(group[k].subject.case.robot, pooled.ratios[k], bool(together), why, is_error)
+                )
     if len(group) == 1:
         return _PartOfLogs((), group[0].found, group[0].subject.fit)
     return _PartOfLogs(together, told, pooled.fit)
@@ -306,7 +306,7 @@ def _compare(case: Case, parts: Sequence[_PartOfLogs]) -> None:
     kept, ratios = alike_parts([part.fit for part in known if part.fit is not None])
     for part, ratio in zip(known, ratios, strict=True):
         if ratio.max() > UNLIKE:
-            part.found.append(_unlike(case, ratio, bool(kept.any()), _may_be_why(part.found)))
+            part.found.append(unlike_finding(case.robot, ratio, bool(kept.any()), _may_be_why(part.found)))
 
 
 def _may_be_why(found: Sequence[Finding]) -> bool:
@@ -339,51 +339,23 @@ def _of_signals(checks: Sequence[Check], case: Case, recording: Recording, earli
     return _ExaminedLog(subject, repaired, found)
 
 
-def _tell_moved_by_others(
-    seen: Sequence[_ExaminedLog], learns: Sequence[bool], moved: Callable[[set[str]], set[str]]
-) -> None:
+def _tell_moved_by_others(seen: Sequence[_ExaminedLog], moved: Callable[[set[str]], set[str]]) -> None:
     """Make a note of a joint that is at rest in one log and moves in another of those that are learned from."""
     still = [_still(one.found) for one in seen]
-    there = zip(seen, still, learns, strict=True)
-    moving = [own for one, own, learn in there if learn and (own or not one.left_out)]
+    there = zip(seen, still, strict=True)
+    moving = [own for one, own in there if one.learns and (own or not one.left_out)]
     for one, rests in zip(seen, still, strict=True):
         unmoved = {name for name in rests if all(name in own for own in moving)}
         if not rests or (unmoved and moved(unmoved) != unmoved):
             continue
         for k, found in enumerate(one.found):
             if found.name == STILL:
-                evidence, remedy = (
-                    f"{found.evidence}; other logs move it",
-                    "logs are fitted and checked together where they agree; check the ones that do not",
-                )
+                evidence = f"{found.evidence}; other logs move it"
+                remedy = "logs are fitted and checked together where they agree; check the ones that do not"
                 numbers, explains = found.numbers, found.explains
                 one.found[k] = Finding("note", RESTS, found.joint, evidence, remedy, numbers, explains)
         if not any(found.severity == "error" and found.name not in _MENDABLE for found in one.found):
             one.left_out, one.rests = "", frozenset(rests)
-
-
-def _unlike(case: Case, ratios: Array, others_agree: bool, why: bool) -> Finding:
-    """Return what is said of a log that parameters of others do not explain.
-
-    Args:
-        case: Robot.
-        ratios: Of the residual variances of its joints, shape (n,).
-        others_agree: Whether the other logs, or some of them, have the same parameters.
-        why: Whether there is another cause that may be why.
-    """
-    times = np.sqrt(ratios)
-    joint = int(np.argmax(times))
-    others = "parameters of the other logs" if others_agree else "parameters that logs share"
-    evidence = f"with {others} its residual is {times[joint]:.3g} times that with parameters of its own"
-    evidence = evidence if others_agree else f"no two logs agree: {evidence}"
-    remedy = "make sure that load, mounting, gains, zeros and units are those of the other logs, and that the friction "
-    remedy += "model holds at its speeds; else give it a case of its own"
-    if is_apart := times[joint] > UNLIKE_BY_FAR:
-        remedy = "do not fit it with the others: give it a case of its own, or make load, mounting, gains, zeros and "
-        remedy += "units those of the others; 'dynident payload ESTIMATE LOG' weighs a tool, by an estimate without it"
-    severity: Severity = "warning" if is_apart or (times[joint] > UNLIKE_GRAVELY and not why) else "note"
-    name, numbers = case.robot.joint_names[joint], {"times": float(times[joint])}
-    return Finding(severity, UNLIKE_OTHERS, name, evidence, remedy, numbers)
 
 
 def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Finding]) -> list[Finding]:

@@ -12,15 +12,25 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.log import Log
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.diagnosis.causes.weighted_fit import TargetProducts
+from dynident.diagnosis.finding import UNLIKE_OTHERS, Finding, Severity
+from dynident.model.robot import Robot
 
 #: Residual variance of a joint under the parameters of all logs, over that under those of its own log, freedoms taken
 #: off, from which a log is unlike the others: the error doubles.
 UNLIKE = 4.0
+
+#: Share of a joint's torque that bodies of the other logs leave, and times what bodies of its own do, from which a log
+#: contradicts them.
+MUCH, FAR = 0.05, 10.0
+
+#: Times by which parameters of the other logs raise the residual of a log from which that is a warning; and from which
+#: it is one whatever else is found: a cause that all logs share raises the residual of their own parameters as well.
+UNLIKE_GRAVELY, UNLIKE_BY_FAR = 3.0, 10.0
 
 #: Logs of which the one is looked for without which the others are the most alike, the furthest ones.
 TRIED = 10
@@ -79,11 +89,13 @@ class AlikeLogs:
         together: Their numbers.
         ratios: The residual variance of each log and joint under the parameters of these, over that under the log's
             own, shape (L, n): 1 where a log has too few rows of a joint to tell. Empty where nothing was compared.
+        contradicts: Numbers of the others whose bodies contradict those of these, or of all where no two are alike.
     """
 
     fit: QuickFit | None = None
     together: tuple[int, ...] = ()
     ratios: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    contradicts: tuple[int, ...] = ()
 
 
 def pooled_logs(fits: Sequence[QuickFit | None]) -> AlikeLogs:
@@ -102,11 +114,13 @@ def pooled_logs(fits: Sequence[QuickFit | None]) -> AlikeLogs:
     kept, told = _alike(pooled, _products(pooled))
     ratios = np.ones((len(fits), told.shape[1]))
     ratios[there] = told
+    others = kept if kept.any() else np.ones(len(kept), bool)
+    contradicts = tuple(there[k] for k in np.flatnonzero(~kept).tolist() if _contradicts(pooled, k, others))
     if kept.sum() < 2:
-        return AlikeLogs(ratios=ratios)
+        return AlikeLogs(ratios=ratios, contradicts=contradicts)
     chosen = [k for k, keep in enumerate(kept) if keep]
     fit = pooled if kept.all() else pooled_fit([known[k] for k in chosen])
-    return AlikeLogs(fit, tuple(there[k] for k in chosen), ratios)
+    return AlikeLogs(fit, tuple(there[k] for k in chosen), ratios, contradicts)
 
 
 def alike_parts(fits: Sequence[QuickFit]) -> tuple[BoolArray, Array]:
@@ -116,6 +130,35 @@ def alike_parts(fits: Sequence[QuickFit]) -> tuple[BoolArray, Array]:
         fits: Of each part, of one log or several.
     """
     return _alike(fits[0], [TargetProducts.summed(_products(fit)) for fit in fits])
+
+
+def unlike_finding(robot: Robot, ratios: Array, others_agree: bool, why: bool, is_error: bool = False) -> Finding:
+    """Return what is said of a log that parameters of others do not explain.
+
+    Args:
+        robot: The robot.
+        ratios: Of the residual variances of its joints, shape (n,).
+        others_agree: Whether the other logs, or some of them, have the same parameters.
+        why: Whether there is another cause that may be why.
+        is_error: Whether its bodies contradict theirs, where it is one to learn from.
+    """
+    times = np.sqrt(ratios)
+    joint = int(np.argmax(times))
+    others = "parameters of the other logs" if others_agree else "parameters that logs share"
+    evidence = f"with {others} its residual is {times[joint]:.3g} times that with parameters of its own"
+    evidence = evidence if others_agree else f"no two logs agree: {evidence}"
+    same = "load, mounting, gains, zeros and units"
+    remedy = (
+        f"make sure that {same} are those of the other logs, and that the friction model holds at its speeds; else "
+    )
+    remedy += "give it a case of its own"
+    if is_apart := times[joint] > UNLIKE_BY_FAR or is_error:
+        remedy = f"do not fit it with the others: give it a case of its own, or make {same} those of the others; "
+        remedy += "'dynident payload ESTIMATE LOG' weighs a tool, by an estimate without it"
+    is_warning = is_apart or (times[joint] > UNLIKE_GRAVELY and not why)
+    severity: Severity = "error" if is_error else "warning" if is_warning else "note"
+    name, numbers = robot.joint_names[joint], {"times": float(times[joint])}
+    return Finding(severity, UNLIKE_OTHERS, name, evidence, remedy, numbers)
 
 
 def _alike(fit: QuickFit, logs: Sequence[TargetProducts]) -> tuple[BoolArray, Array]:
@@ -139,9 +182,39 @@ def _alike(fit: QuickFit, logs: Sequence[TargetProducts]) -> tuple[BoolArray, Ar
     return (kept if ratios[kept].max() <= UNLIKE else np.zeros(len(logs), bool)), ratios
 
 
+def _contradicts(fit: QuickFit, k: int, others: BoolArray) -> bool:
+    """Return whether the bodies of log k of a pooled fit surely are others than those of the ``others`` (L,).
+
+    Friction and offsets of the log are its own, as of another day. What one fit of the bodies leaves in it is much of a
+    joint's torque then, and far more than with bodies of its own.
+    """
+    rows, which, size = fit.rows, _which(fit), fit.base.count
+    here = which == k
+    masks, used = rows.masks & here[:, None], here | others[which]
+    blocks, columns = list[Array](), list[IntArray]()
+    for block, own in zip(rows.blocks, rows.columns, strict=True):
+        is_friction = fit.base.is_friction[own]
+        blocks.append(np.column_stack([block, np.where(here[:, None], block[:, is_friction], 0.0)]))
+        columns.append(np.concatenate([own, size + own[is_friction]]))
+    read = ReadRows(replace(rows, blocks=tuple(blocks), columns=tuple(columns)), np.eye(fit.model.robot.dof))
+    counts = np.maximum(masks.sum(axis=0), 1)
+    shared, alone = (
+        np.where(masks, read.squared_errors(read.fitted(some).beta), 0.0).sum(axis=0) / counts
+        for some in (rows.masks & used[:, None], masks)
+    )
+    torque = np.where(masks, rows.torque, 0.0)
+    size_of = np.sum(torque**2, axis=0) / counts - (torque.sum(axis=0) / counts) ** 2
+    tells = counts / OVERSAMPLING > 2.0 * np.array([len(own) for own in columns])
+    return bool(np.any(tells & (shared > MUCH**2 * size_of) & (shared > FAR**2 * alone)))
+
+
+def _which(fit: QuickFit) -> IntArray:
+    """Return the number of the log of each row of a fit, shape (N,)."""
+    return np.searchsorted(fit.starts, np.asarray(fit.rows.prepared.kept.time), side="right") - 1
+
+
 def _products(fit: QuickFit) -> list[TargetProducts]:
     """Return the products of each log of a fit."""
-    rows = fit.rows
-    which = np.searchsorted(fit.starts, np.asarray(rows.prepared.kept.time), side="right") - 1
+    rows, which = fit.rows, _which(fit)
     read = ReadRows(rows, np.eye(fit.model.robot.dof))
     return [read.products(rows.masks & (which == k)[:, None]) for k in range(len(fit.starts))]

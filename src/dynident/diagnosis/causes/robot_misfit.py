@@ -106,6 +106,12 @@ def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence
     return RobotMisfit(_left(errors / counts, size), joints, gain, spread, kept)
 
 
+def held_out_gain(fit: QuickFit, blame: Blame) -> tuple[float, float]:
+    """Return by how much a cause predicts unseen samples better, in log variance, and the standard error of it."""
+    held = HeldOutErrors(fit)
+    return held.difference(held.errors(_with_cause(as_stated(fit), blame)), held.plain)
+
+
 def _left(shares: Array, size: Array) -> float:
     """Return the root of mean squared errors, by their shares (blocks, n), over torques of variance ``size`` (n,)."""
     return float(np.sqrt(shares.sum() / max(float(size.sum()), 1e-300)))
