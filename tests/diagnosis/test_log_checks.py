@@ -853,6 +853,20 @@ def test_a_torque_that_is_right_on_one_side_alone_has_its_sign(sign: float, tria
     assert ("torque sign" in [one.name for one in found]) == (sign < 0.0)
 
 
+@pytest.mark.parametrize(("seconds", "severity"), [(0.3, "error"), (1.2, "error"), (1.9, "warning"), (6.0, "")])
+def test_a_log_too_short_for_a_fit_is_told_and_nothing_else(
+    seconds: float, severity: str, trial: Trial, tmp_path: Path
+) -> None:
+    tau = trial.columns["tau"] * [1.0, -1.0, 1.0]  # which a short log does not tell
+    part = {name: values[: int(seconds * RATE)] for name, values in (trial.columns | {"tau": tau}).items()}
+    found = trial.with_columns(**part).examined(tmp_path).findings
+    if severity:
+        assert [(one.severity, one.name) for one in found] == [(severity, "short log")]
+        assert found[0].numbers["needed_s"] < 6.0
+    else:
+        assert "short log" not in [one.name for one in found] and any(one.name == "torque sign" for one in found)
+
+
 @pytest.mark.parametrize("size", [3.0, 0.1, 0.0])
 def test_a_contact_is_named_with_its_time_and_huber_goes_without_it(size: float, trial: Trial, tmp_path: Path) -> None:
     tau, time = trial.columns["tau"].copy(), trial.columns["t"] - trial.columns["t"][0]

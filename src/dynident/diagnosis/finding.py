@@ -16,6 +16,9 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 #: Name of the finding of a log that parameters of the others do not explain.
 UNLIKE_OTHERS = "unlike other logs"
 
+#: Name of the finding of a log that is too short for a fit, beside which no other cause is looked for.
+SHORT = "short log"
+
 #: Name of the finding of joints whose torque the model predicts worse than a constant.
 UNEXPLAINED = "torque not explained"
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.arrays import finite
 from dynident.case.acceptance import CONDITIONS, CRITERIA, Acceptance
-from dynident.diagnosis.finding import LOST, UNLIKE_OTHERS, Severity, listed
+from dynident.diagnosis.finding import LOST, SHORT, UNLIKE_OTHERS, Severity, listed
 from dynident.diagnosis.new_log import NewLog, unlike
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
@@ -173,6 +173,11 @@ def _told_once(
 def quality_of(estimate: Estimate) -> Sequence[Mapping[str, Any]] | None:
     """Return what the checks found in the logs of an estimate, as plain data; None where they were not made."""
     return estimate.provenance.get("log_quality")
+
+
+def is_too_short(estimate: Estimate) -> bool:
+    """Return whether logs of an estimate are too short for one: what else is wrong, they do not tell."""
+    return any(found["name"] == SHORT for each in quality_of(estimate) or () for found in each["findings"])
 
 
 def _left_in_full(train: Validation) -> dict[str, float]:

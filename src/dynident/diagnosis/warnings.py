@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from dynident.diagnosis.new_log import NewLog, check_command, unlike
-from dynident.diagnosis.verdict import check_lines, model_doubt, quality_of
+from dynident.diagnosis.verdict import check_lines, is_too_short, model_doubt, quality_of
 from dynident.identification.consistency.log_cholesky_fit import UNFINISHED
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
@@ -51,12 +51,15 @@ def warnings_of(estimate: Estimate, test: Validation | None = None, new: NewLog 
     if new is None and test is not None:
         case = str(estimate.provenance.get("case", {}).get("path", ""))
         told = ": ".join(filter(None, unlike(estimate, test, check_command(test.logs, case=case))))
+    causes = [told, ": ".join(filter(None, model_doubt(estimate)))]
+    torques = {**_torques(estimate.train), **({} if test is None else _torques(test))}.values()
+    is_short = is_too_short(estimate)
     found = [
-        *filter(None, [told, ": ".join(filter(None, model_doubt(estimate)))]),
+        *filter(None, causes * (not is_short)),
         *check_lines(quality_of(estimate) or ()),
         *_gaps(estimate),
         *_limits(estimate),
-        *{**_torques(estimate.train), **({} if test is None else _torques(test))}.values(),
+        *(() if is_short else torques),
     ]
     total = estimate.train.total_relative_error
     if total > POOR_FIT:

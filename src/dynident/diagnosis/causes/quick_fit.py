@@ -40,6 +40,10 @@ ROWS_PER_HZ = 8.0
 #: Rows for each that is independent: a band of f Hz has 2 f values a second.
 OVERSAMPLING = ROWS_PER_HZ / 2.0
 
+#: Independent torque values for each base parameter that a fit needs: with fewer, parameters of parts of seven right
+#: logs leave a fifth and more of the torque of the whole log; with one, more than half.
+ENOUGH = 2.0
+
 #: Rows of a joint below which nothing is said.
 FEWEST_ROWS = 30
 
@@ -142,10 +146,15 @@ class QuickFit:
     @cached_property
     def has_rows_enough(self) -> bool:
         """Whether the log is long enough for a fit."""
+        return self.values > ENOUGH * self.base.count
+
+    @cached_property
+    def values(self) -> float:
+        """Independent torque values in motion, of all joints together; 0 of a log that is too short for the filter."""
         try:
-            return bool(self.rows.masks.sum() > 2 * self.base.count)
+            return float(self.rows.masks.sum()) / OVERSAMPLING
         except DynidentError:
-            return False
+            return 0.0
 
     @cached_property
     def regressor(self) -> RegressorStream:

@@ -8,8 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from dynident.diagnosis.causes.quick_fit import ENOUGH
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import Finding, listed
+from dynident.diagnosis.finding import SHORT, Finding, Severity, listed
 from dynident.model.reduction import triangle_of
 
 #: Condition number with unit columns and weighted rows above which noise decides some parameters, and above which
@@ -19,17 +20,20 @@ POOR, NONE = 1000.0, 1e7
 #: Names of parameters that are told.
 TOLD = 3
 
+#: Multiple of the values that a fit needs at least that a log should have.
+GOOD = 3.0
+
 
 @dataclass(frozen=True)
 class Excitation(Check):
-    """Condition number of the observation matrix and parameters that the motion does not excite."""
+    """Length of the log, condition number of the observation matrix and parameters that the motion does not excite."""
 
     stage: ClassVar[int] = 2
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         fit = subject.fit
         if fit is None:
-            return []
+            return _short(subject)
         weights = 1.0 / np.sqrt(fit.plain.variances)
         size = fit.base.count
         parts = []
@@ -56,3 +60,21 @@ class Excitation(Check):
             remedy += ", or lock what rests (locked: in the case file)"
         name, grave = ("poor excitation", condition > NONE)
         return [Finding("error" if grave else "warning", name, "", evidence, remedy, {"condition": condition})]
+
+
+def _short(subject: CheckedLog) -> list[Finding]:
+    """Return that a log is too short for a fit; a note where it is held against an estimate, which needs no fit."""
+    fit = subject.thin
+    if fit is None:
+        return []
+    count, seconds, bandwidth = fit.base.count, subject.sound.log.duration, fit.how.filter.bandwidth() or 1.0
+    evidence = (
+        f"its {seconds:.3g} s have {fit.values:.0f} independent torque values in motion below {bandwidth:.3g} Hz for "
+        f"{count} base parameters; a fit needs more than {ENOUGH * count:.0f}"
+    )
+    needed = GOOD * ENOUGH * count / (2.0 * bandwidth * len(subject.sound.log.joints)) + 2.0 * fit.how.trim_s
+    remedy = f"record at least {np.ceil(needed):.0f} s in which all joints move; no other cause is looked for before"
+    severity: Severity = "error" if fit.values < count else "warning"
+    severity = "note" if subject.earlier is not None else severity
+    numbers = {"seconds": seconds, "values": fit.values, "parameters": count, "needed_s": needed}
+    return [Finding(severity, SHORT, "", evidence, remedy, numbers)]
