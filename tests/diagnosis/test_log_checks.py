@@ -433,6 +433,23 @@ def test_a_cause_is_told_once(trial: Trial, tmp_path: Path) -> None:
         assert [finding.name for finding in found] == [name], [finding.line() for finding in found]
 
 
+@pytest.mark.parametrize(("late", "severity"), [(0.008, "warning"), (0.06, "error")])
+def test_a_late_torque_of_one_joint_is_no_mere_note_and_its_shift_helps(
+    late: float, severity: str, trial: Trial, tmp_path: Path
+) -> None:
+    t, tau = trial.columns["t"], trial.columns["tau"]
+
+    def shifted(columns: np.ndarray, by: float) -> np.ndarray:
+        return np.column_stack([columns[:, 0], np.interp(t - by, t, columns[:, 1]), columns[:, 2]])
+
+    found = trial.with_columns(tau=shifted(tau, late)).examined(tmp_path).findings
+    (told,) = [one for one in found if one.severity != "note"]
+    assert (told.severity, told.name, told.joint) == (severity, "torque delay", trial.case.robot.joint_names[1])
+    assert abs(told.numbers["value"] - late) < told.numbers["half_width"] + 1e-3
+    mended = shifted(shifted(tau, late), -told.numbers["value"])
+    assert "torque delay" not in [one.name for one in trial.with_columns(tau=mended).examined(tmp_path).findings]
+
+
 def test_friction_that_turns_before_the_velocity_is_a_friction_curve(trial: Trial, tmp_path: Path) -> None:
     """As in simulators whose friction looks at the velocity of the next moment: no spring, no counterbalance."""
     t, q = trial.columns["t"], trial.columns["q"]

@@ -13,14 +13,21 @@ from dynident.diagnosis.causes.gravity_direction import LEAN
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import GAIN, SURE, held_out_gain
 from dynident.diagnosis.causes.trend_findings import (
+    EXPLAINED,
     TRENDS,
     believed,
+    is_narrow,
     rival_findings,
     standing,
     trend_finding,
 )
+from dynident.diagnosis.causes.trends import DELAY
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
+
+#: Share of a joint's residual variance that a delay of its torque alone explains from which the result suffers (right
+#: logs have no such delay, whatever their friction), and share of its torque from which the result is wrong.
+LATE_EXPLAINS, LATE_BY_FAR = 0.3, 0.05
 
 
 @dataclass(frozen=True)
@@ -46,13 +53,18 @@ class ResidualTrends(Check):
 
 
 def _told(blame: Blame, fit: QuickFit) -> Finding:
-    """Return what is said of a cause; a lean of the base is an error where its remedy predicts unseen samples.
+    """Return what is said of a cause: of a late torque, and of a lean of the base where it is sure.
 
-    No other cause explains the log as well then, and the angle is one from which a mounting is told.
+    They are errors where the remedy predicts unseen samples. A lean is told so where no other cause explains the log as
+    well, and the angle is one from which a mounting is told.
     """
-    found = trend_finding(blame, fit)
-    if blame.cause.name != "tilt" or found.severity != "warning" or blame.rivals:
+    found, name = trend_finding(blame, fit), blame.cause.name
+    if name == DELAY and is_narrow(blame) and blame.share > LATE_EXPLAINS:
+        found, doubted = replace(found, severity="warning"), blame.share < EXPLAINED or blame.size < LATE_BY_FAR
+    elif name == "tilt" and found.severity == "warning":
+        least = np.linalg.norm(blame.values[:2]) - np.linalg.norm(blame.half_widths[:2])
+        doubted = bool(blame.rivals) or least <= np.tan(np.radians(LEAN))
+    else:
         return found
-    least = np.linalg.norm(blame.values[:2]) - np.linalg.norm(blame.half_widths[:2])
-    gain, spread = held_out_gain(fit, blame) if least > np.tan(np.radians(LEAN)) else (0.0, 0.0)
+    gain, spread = (0.0, 0.0) if doubted else held_out_gain(fit, blame)
     return replace(found, severity="error") if gain > max(GAIN, SURE * spread) else found
