@@ -313,6 +313,15 @@ def test_motors_of_a_differential_are_named(case: Case, tmp_path: Path) -> None:
     assert found.name == "coupling" and "[0, 1, 1], [0, -1, 1]" in found.remedy
 
 
+@pytest.mark.parametrize("late", [0.0, 0.04])
+def test_a_log_without_the_delay_that_is_taken_off_is_told(case: Case, late: float, tmp_path: Path) -> None:
+    trial = virtual(case, rate=RATE, delay=late)
+    stated = replace(trial, case=replace(case, preprocessing=replace(case.preprocessing, delay_s=0.04)))
+    found = [one for one in stated.examined(tmp_path).findings if one.severity != "note"]
+    assert [one.name for one in found] == ["torque delay"] * (not late)
+    assert all("no delay" in one.evidence and "40 ms are taken off" in one.evidence for one in found)
+
+
 @pytest.mark.parametrize("samples", [0.3, 1.2, 3.0, 20.0])
 def test_the_delay_is_right_to_a_tenth_of_a_sample(case: Case, samples: float, tmp_path: Path) -> None:
     found = virtual(case, rate=RATE, delay=samples / RATE).examined(tmp_path).findings

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.diagnosis.causes.body_consistency import DRAWS, inconsistency
+from dynident.diagnosis.causes.trends import DELAY
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
 
@@ -17,18 +18,19 @@ from dynident.diagnosis.finding import Finding
 class LinkConsistency(Check):
     """Rise of the residual that links of positive mass density cost, against a parametric bootstrap.
 
-    Friction that the log is sure to have and the case has not is taken off before.
+    A delay of the torque, and friction that the log is sure to have and the case has not, are taken off before.
     """
 
     stage: ClassVar[int] = 2
     tells: ClassVar[tuple[str, ...]] = ("inconsistent links",)
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
-        found = None if subject.fit is None else inconsistency(subject.fit)
-        if found is not None and subject.trends is not None:  # friction that a draft lacks moves the bodies as well
-            curves = [blame for blame in subject.trends.blames if blame.cause.name == "friction curve"]
-            torques = [np.tensordot(blame.values, blame.cause.columns, 1) for blame in curves]
-            found = inconsistency(subject.trends.fit.explained_by(np.sum(torques, axis=0))) if curves else found
+        found, trends = None if subject.fit is None else inconsistency(subject.fit), subject.trends
+        if found is not None and trends is not None:  # these move the bodies as well
+            known = [blame for blame in trends.blames if blame.cause.name in ("friction curve", DELAY)]
+            torques = [np.tensordot(blame.values, blame.cause.columns, 1) for blame in known]
+            fit = trends.fit.explained_by(np.sum(torques, axis=0)) if known else trends.fit
+            found = found if fit is subject.fit else inconsistency(fit)
         if found is None:
             return []
         evidence = (
