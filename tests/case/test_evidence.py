@@ -115,6 +115,14 @@ def test_the_draft_asks_for_a_stated_unit_of_torques_that_the_checks_warn_of(rat
     assert told.certain == sure and told.text == "N m"
 
 
+@pytest.mark.parametrize(("size", "told"), [(1.0, True), (180 / np.pi, False), (9.0, False)])
+def test_a_joint_within_its_limits_with_its_sign_turned_is_no_joint_in_degrees(size: float, told: bool) -> None:
+    q = size * np.stack([0.5 + np.sin(TIME), -1.5 + 0.4 * np.sin(TIME)], axis=1)
+    found = position_unit(q, [JOINT, replace(JOINT, name="A2")], "")
+    assert not found.certain and ("sign turned: [rad, -rad]" in found.why) == told
+    assert not (told and found.text)
+
+
 @pytest.mark.parametrize("in_degrees", [(0, 1, 2), (0, 1)])
 def test_joints_that_move_as_others_do_in_radians_alone_are_named(in_degrees: tuple[int, ...]) -> None:
     """Columns in two units have no likely one; a log in degrees keeps it."""

@@ -34,12 +34,12 @@ from dynident.diagnosis.causes.held_out import halves
 from dynident.diagnosis.causes.known_bodies import NominalBodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import LEFT, robot_misfit
+from dynident.diagnosis.causes.saturated_rows import at_limit, flat_rows
 from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.checks import CHECKS, readings
 from dynident.diagnosis.checks.cells import held_at
 from dynident.diagnosis.checks.resolution import rounding_share, steps_of
-from dynident.diagnosis.checks.saturation import flat_share, limit_share
 from dynident.diagnosis.checks.time_order import SEVERAL
 from dynident.diagnosis.examination import examine, examine_recordings
 from dynident.diagnosis.finding import SEVERITIES, Finding
@@ -617,12 +617,26 @@ def test_sorting_is_for_rows_out_of_order_only() -> None:
     assert not sortable(stamped, [values])
 
 
+@pytest.mark.parametrize("scale", [1.0, 1.5])
+def test_a_torque_that_is_cut_off_has_its_scale_by_the_other_samples(
+    scale: float, trial: Trial, tmp_path: Path
+) -> None:
+    tau = trial.columns["tau"] * [1.0, scale, 1.0]
+    tau[:, 1] = np.minimum(tau[:, 1], np.quantile(tau[:, 1], 0.8))
+    found = trial.with_columns(tau=tau).examined(tmp_path).findings
+    names = ["torque saturation", "torque scale"] if scale != 1.0 else ["torque saturation"]
+    assert {one.name for one in found if one.severity != "note"} == {*names}
+    scales = [one for one in found if one.name == "torque scale"]
+    assert [one.joint for one in scales] == [trial.case.robot.joint_names[1]] * (scale != 1.0)
+    assert all(one.numbers["low"] < 1.0 / scale < one.numbers["high"] for one in scales)
+
+
 def test_a_torque_beyond_the_described_limit_is_not_at_it() -> None:
     torque = 100.0 * np.sin(np.linspace(0.0, 60.0, 4000))
-    assert limit_share(np.clip(torque, -80.0, 80.0), 80.0) == pytest.approx(np.mean(np.abs(torque) >= 79.6))
-    assert limit_share(torque, 80.0) == 0.0
-    assert limit_share(torque, 120.0) == 0.0 and limit_share(torque, np.inf) == 0.0
-    assert limit_share(torque, 1.002 * float(np.abs(torque).max())) == 0.0  # a peak that just gets there
+    assert at_limit(np.clip(torque, -80.0, 80.0), 80.0).mean() == pytest.approx(np.mean(np.abs(torque) >= 79.6))
+    assert not at_limit(torque, 80.0).any()
+    assert not at_limit(torque, 120.0).any() and not at_limit(torque, np.inf).any()
+    assert not at_limit(torque, 1.002 * float(np.abs(torque).max())).any()  # a peak that just gets there
 
 
 def test_a_joint_that_turns_fast_does_not_wrap(trial: Trial, tmp_path: Path) -> None:
@@ -652,8 +666,8 @@ def test_the_turn_of_a_smooth_torque_is_no_spike(width: float, trial: Trial, tmp
 def test_flat_tops_and_levels() -> None:
     time = np.linspace(0, 10, 2001)
     wave = np.sin(time)
-    assert flat_share(wave) == 0.0
-    assert flat_share(np.minimum(wave, 0.9)) == pytest.approx(np.mean(wave >= 0.9))
+    assert not flat_rows(wave).any()
+    assert flat_rows(np.minimum(wave, 0.9)).mean() == pytest.approx(np.mean(wave >= 0.9))
     assert steps_of(np.round(wave * 10) / 10) == pytest.approx(20, abs=1)
     assert steps_of(wave) == np.inf
     assert steps_of(np.zeros(50)) == 0.0

@@ -89,6 +89,9 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence
             word = other if fits[other] and said != si else ""
             sure, why = False, f"{away}, beyond the limits as {si}{f', within them as {other}' if fits[other] else ''}"
             why += "" if word else _of_counts(q[:, mine])
+            turned = "" if said else _of_turned(q, joints, mine, other)
+            if turned:
+                word, why, may_differ = "", f"{away}, beyond the limits as {si}{turned}", True
             either = _of_either_unit(q, joints, mine, (si, other)) if word == other else ""
             why, may_differ = why + either, may_differ or bool(either)
         certain &= sure
@@ -133,6 +136,19 @@ def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], unit
     each = ", ".join(si if k in doubtful else other for k in range(len(joints)))
     moves = f"{spans[doubtful].max():.3g} {other} at most as {other}"
     return f"; {names} are within them as {si} too and move {moves}: [{each}] where units differ by joint"
+
+
+def _of_turned(q: Array, joints: Sequence[Joint], mine: Sequence[int], other: str) -> str:
+    """Return what is said of joints that are within their limits with the sign turned, where the others are as read."""
+    spans, factor = np.ptp(q, axis=0), factor_of("position", other)
+    beyond = [k for k in mine if not _fits(q[:, [k]], [joints[k]])]
+    small = [spans[k] * factor < _SHARE * (joints[k].limits.upper - joints[k].limits.lower) for k in beyond]
+    if not (all(small) and 0 < len(beyond) < len(mine) and all(_fits(-q[:, [k]], [joints[k]]) for k in beyond)):
+        return ""
+    names, does = ", ".join(joints[k].name for k in beyond), "are" if len(beyond) > 1 else "is"
+    own = ["rad" if joint.kind == "revolute" else "m" for joint in joints]
+    each = ", ".join("-" * (k in beyond) + word for k, word in enumerate(own))
+    return f"; {names} {does} within them with the sign turned: [{each}], or the zero is another one"
 
 
 def position_factors(told: SignalUnit, count: int) -> Array:

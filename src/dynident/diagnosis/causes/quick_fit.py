@@ -104,7 +104,8 @@ class QuickFit:
     made: FitRows | None = None
 
     def part(self, counting: BoolArray) -> QuickFit:
-        """Return the fit of some of the rows, shape (N,)."""
+        """Return the fit of some of its rows, shape (N,)."""
+        counting = counting if self.counting is None else counting & self.counting
         return replace(self, counting=counting, made=self._every)
 
     def explained_by(self, torque: Array) -> QuickFit:

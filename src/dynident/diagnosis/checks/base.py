@@ -12,6 +12,7 @@ from typing import ClassVar
 from dynident.case.case import Case
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.saturated_rows import without_saturation
 from dynident.diagnosis.causes.thin_fit import base_of, beyond_quick_fit, thin_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, other_scales
 from dynident.diagnosis.causes.trends import Trends
@@ -62,8 +63,10 @@ class CheckedLog:
 
     @cached_property
     def fit(self) -> QuickFit | None:
-        """A fit of few rows by weighted least squares; None where the log has no torques or too few rows."""
-        return self.pooled or (self.thin if self.thin is not None and self.thin.has_rows_enough else None)
+        """A fit of few rows, without those cut off in a log alone; None where it has no torques or too few rows."""
+        if self.pooled or self.thin is None or not self.thin.has_rows_enough:
+            return self.pooled
+        return without_saturation(self.thin, self.sound.log, self.case.robot)
 
     @cached_property
     def scales(self) -> tuple[JointScale, ...]:

@@ -31,8 +31,8 @@ class Excitation(Check):
     stage: ClassVar[int] = 2
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
-        fit = subject.fit
-        if fit is None:
+        fit = subject.pooled or subject.thin  # with rows that are cut off, as the motion is in them too
+        if fit is None or not fit.has_rows_enough:
             return _short(subject)
         weights = 1.0 / np.sqrt(fit.plain.variances)
         size = fit.base.count

@@ -8,20 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.arrays import Array
 from dynident.data.log import Log
+from dynident.diagnosis.causes.saturated_rows import at_limit, flat_rows
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
-
-#: A flat top lasts this many times longer than values within the range do, and at least this many samples.
-LONGER, SHORTEST = 6.0, 5
-
-#: A torque counts as at its limit of effort within this share of it, from this share of the rows on. Where as many are
-#: beyond the limit by more than the last share, the drive has another one than the robot model states.
-NEAR, AT_LIMIT, BEYOND = 0.005, 0.002, 0.02
-
-#: Times as many rows at the limit as in a band as wide just below it: a smooth peak that just gets there has 2.4 times.
-HEAPED = 5.0
 
 #: A torque is held where it repeats one value this long in s while its joint moves by this far in rad or m, and this
 #: many times longer than all but one of its other values, which a dead zone of the sensor repeats as well; from this
@@ -42,7 +32,8 @@ class Saturation(Check):
         joints, held = list[str](), _held(log, subject.case.robot.joint_names)
         flat = limited = 0.0
         for joint, column in zip(subject.case.robot.active, log.torque.T, strict=True):
-            own = max(flat_share(column), flat_share(-column)), limit_share(column, joint.limits.effort)
+            tops = float(max(flat_rows(column).mean(), flat_rows(-column).mean()))
+            own = tops, float(at_limit(column, joint.limits.effort).mean())
             if max(own):
                 joints.append(joint.name)
                 flat, limited = max(flat, own[0]), max(limited, own[1])
@@ -80,24 +71,3 @@ def _held(log: Log, names: Sequence[str]) -> list[Finding]:
         numbers = {"start": float(log.time[first]), "share": float(share)}
         found.append(Finding(severity, "torque held", name, evidence, remedy, numbers, explains))
     return found
-
-
-def limit_share(column: Array, limit: float) -> float:
-    """Return the share of the samples (N,) heaped at a limit of effort; 0 where they go beyond it or just reach it."""
-    bounds = limit * np.array([1 - 2 * NEAR, 1 - NEAR, 1 + BEYOND])
-    below, near, beyond = (float(np.mean(np.abs(column) >= bound)) for bound in bounds)
-    heaped = near > HEAPED * (below - near)
-    return near if near > AT_LIMIT and heaped and beyond <= AT_LIMIT else 0.0
-
-
-def flat_share(column: Array) -> float:
-    """Return the share of the samples (N,) in long runs at exactly the highest value; 0 where there are none."""
-    top = column == column.max()
-    edges = np.diff(np.pad(top.astype(np.int8), 1))
-    runs = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-    changes = np.count_nonzero(np.diff(column))
-    if not changes:
-        return 0.0
-    usual = (len(column) - top.sum()) / max(changes, 1)  # mean length of a run of equal values below the top
-    long = runs[runs >= max(SHORTEST, LONGER * usual)]
-    return float(long.sum()) / len(column)
