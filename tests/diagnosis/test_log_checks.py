@@ -924,6 +924,20 @@ def test_a_contact_is_named_with_its_time_and_huber_goes_without_it(size: float,
         assert [one.severity for one in robust.examined(tmp_path).findings if one.name == "contact"] == ["note"]
 
 
+@pytest.mark.parametrize(("last", "told"), [(8.0, True), (13.0, False)])
+def test_a_contact_of_seconds_is_one_and_half_of_a_log_is_not(
+    last: float, told: bool, trial: Trial, tmp_path: Path
+) -> None:
+    tau, time = trial.columns["tau"], trial.columns["t"] - trial.columns["t"][0]
+    held = (
+        np.where((time > 5.0) & (time < last), 1.0, 0.0)[:, None] * np.abs(tau).max(axis=0) * np.cos(trial.columns["q"])
+    )
+    found = trial.with_columns(tau=tau + held).examined(tmp_path).findings
+    assert [one.name for one in found if one.severity == "error"][:1] == ["contact"] * told
+    for one in (each for each in found if each.name == "contact"):
+        assert abs(one.numbers["first"] - 5.0) < 0.6 and abs(one.numbers["last"] - last) < 0.6
+
+
 def test_the_motion_of_a_log_that_rests_is_no_contact(trial: Trial, tmp_path: Path) -> None:
     count, step = 12 * len(trial.columns["t"]), np.median(np.diff(trial.columns["t"]))
     held = {name: np.concatenate([v, np.repeat(v[-1:], count, axis=0)]) for name, v in trial.columns.items()}

@@ -9,13 +9,14 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity, listed
 from dynident.identification.problem.regressor_stream import motion_of
 
-#: Length of a window in s, share of all windows that may be left out, and fits by which they are found.
-WINDOW_S, MOST, FITS = 0.25, 0.05, 6
+#: Length of a window in s, shares of all windows that may be left out, in few parts or else in one, and fits by which
+#: they are found.
+WINDOW_S, MOST, MOST_OF_ONE, FITS = 0.25, 0.05, 0.2, 6
 
 #: Parts that follow each other at most, and times of the speed of the rest up to which they are alike in motion: where
 #: a log is at rest but for a few samples, these are its motion.
@@ -45,7 +46,7 @@ class Contact(Check):
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         fit = subject.fit
-        found = None if fit is None else _spoiled(fit)
+        found = None if fit is None else _spoiled(fit, MOST, PARTS) or _spoiled(fit, MOST_OF_ONE, 1)
         if fit is None or found is None:
             return []
         left_out, ratios, fall = found
@@ -60,22 +61,22 @@ class Contact(Check):
             f"fitted without that part, theirs is {np.sqrt(fall):.2g} times smaller"
         )
         remedy = (
-            "look at that part (a contact, a crash, a hand on the arm, a fault of the recording): cut its rows out of "
-            "the log, or state estimator: huber"
+            "look at that part (a contact, a crash, a hand on the arm, a load for a while, a fault of the recording): "
+            "cut its rows out of the log, or state estimator: huber"
         )
         numbers = {"first": spans[0][0], "last": spans[-1][1], "ratio": float(ratios.max()), "fall": fall}
         severity: Severity = "note" if subject.case.estimator.name in ROBUST else "error"
         return [Finding(severity, "contact", listed(names), evidence, remedy, numbers, EXPLAINS)]
 
 
-def _spoiled(fit: QuickFit) -> tuple[BoolArray, Array, float] | None:
+def _spoiled(fit: QuickFit, most: float, parts: int) -> tuple[BoolArray, Array, float] | None:
     """Return rows (N,), each joint's residual there over that of the rest (n,), and the fall of the rest's variance."""
     rows, some = fit.rows, fit.moves
     windows: IntArray = np.unique(np.floor(rows.prepared.kept.time / WINDOW_S), return_inverse=True)[1]
     whole = np.where(rows.masks, fit.residual, np.nan)[:, some]
     residual, left_out = whole, np.zeros(len(windows), bool)
     for _ in range(FITS):
-        before, left_out = left_out, _outliers(residual, windows)
+        before, left_out = left_out, _outliers(residual, windows, most)
         if not left_out.any() or np.array_equal(before, left_out):
             break
         rest = fit.solve(fit.products_of(replace(rows, masks=rows.masks & ~left_out[:, None])))
@@ -84,25 +85,29 @@ def _spoiled(fit: QuickFit) -> tuple[BoolArray, Array, float] | None:
         return None
     size = np.nanvar(np.where(rows.masks, rows.torque, np.nan)[:, some], axis=0)
     outside, was = (_squares(each[~left_out]) for each in (residual, whole))
-    fall = float(np.exp(np.mean(np.log(was / outside))))
+    known = np.isfinite(residual[~left_out]).sum(axis=0) >= FEWEST_ROWS
+    fall = float(np.exp(np.mean(np.where(known, np.log(was / outside), 0.0))))
     own, told, ratios = np.flatnonzero(left_out), np.zeros(len(windows), bool), np.zeros(len(some))
     for part in np.split(own, np.flatnonzero(np.diff(windows[own]) > 1) + 1):  # braking is none beside a contact
         inside = _squares(residual[part])
-        times = np.where(inside > LARGE**2 * size, np.sqrt(inside / outside), 0.0)
+        times = np.where(known & (inside > LARGE**2 * size), np.sqrt(inside / outside), 0.0)
         if times.max() >= APART:
             told[part], ratios[some] = True, np.maximum(ratios[some], times)
-    is_told = told.any() and fall >= SPOILED and _is_alike_in_motion(fit, left_out, windows)
+    is_told = (
+        told.any() and fall >= SPOILED and _is_alike_in_motion(fit, told if parts == 1 else left_out, windows, parts)
+    )
     return (told, ratios, fall) if is_told else None
 
 
-def _is_alike_in_motion(fit: QuickFit, left_out: BoolArray, windows: IntArray) -> bool:
+def _is_alike_in_motion(fit: QuickFit, left_out: BoolArray, windows: IntArray, parts: int) -> bool:
     """Return whether rows (N,) are few parts of a log that moves as fast without them."""
     speed = np.abs(motion_of(fit.rows.prepared.kept).dq)
     speed = (speed / np.maximum(speed.max(axis=0), 1e-300)).max(axis=1)
     each = np.bincount(windows, speed) / np.bincount(windows)
     inside = np.unique(windows[left_out])
     rest = np.median(np.delete(each, inside))
-    return bool(np.sum(np.diff(inside) > 1) < PARTS and np.mean(each[inside]) <= SWIFT * rest)
+    apart = np.sum(np.diff(inside) > (2 if parts == 1 else 1))  # one window of a long part may be as the rest by chance
+    return bool(apart < parts and np.mean(each[inside]) <= SWIFT * rest)
 
 
 def _squares(residual: Array) -> Array:
@@ -111,11 +116,11 @@ def _squares(residual: Array) -> Array:
     return np.maximum(np.nansum(residual**2, axis=0) / count, 1e-300)
 
 
-def _outliers(residual: Array, windows: IntArray) -> BoolArray:
+def _outliers(residual: Array, windows: IntArray, most: float) -> BoolArray:
     """Return the rows of windows, no more than may be left out, whose residual is far above that of the others (N,)."""
     scaled = residual**2 / np.maximum(np.nanmedian(residual**2, axis=0), 1e-300)
     count = np.bincount(windows)
     size = np.sqrt(np.bincount(windows, np.nanmax(np.nan_to_num(scaled), axis=1)) / count)
-    order = np.argsort(size)[::-1][: int(MOST * len(size))]
+    order = np.argsort(size)[::-1][: int(most * len(size))]
     far = order[size[order] > LOOK * np.median(size)]
     return np.isin(windows, far)
