@@ -118,6 +118,17 @@ def test_a_fault_is_named_with_direction_and_figure(kind: Kind, trial: Trial, cl
     assert "exact" in {grade(one, wanted, faulty, clean) for one in right}, (wanted, [one.line() for one in right])
 
 
+@pytest.mark.parametrize(("clock", "told"), [(2.5, True), (0.5, True), (1.0, False)])
+def test_a_clock_that_is_far_off_shows_as_the_size_of_gravity(
+    clock: float, told: bool, trial: Trial, tmp_path: Path
+) -> None:
+    off = trial.without("dq").with_columns(t=clock * trial.columns["t"])
+    off = replace(off, case=replace(trial.case, columns=replace(trial.case.columns, dq=())))
+    found = [one for one in off.examined(tmp_path).findings if one.severity == "error"]
+    assert [one.name for one in found] == ["size of gravity"] * told
+    assert all(one.numbers["clock"] == pytest.approx(clock, rel=0.05) for one in found)
+
+
 @pytest.mark.parametrize("joint", [0, 1, 2])
 def test_the_joint_whose_torque_is_turned_is_named(trial: Trial, joint: int, tmp_path: Path) -> None:
     (finding,) = put.turned(trial, ("tau",), joint).examined(tmp_path).findings

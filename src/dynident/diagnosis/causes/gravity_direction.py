@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.column_readings import GAIN
+from dynident.diagnosis.causes.column_readings import GAIN, Interpretation
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.line_search import Search, run, side_by_side
 from dynident.diagnosis.causes.quick_fit import QuickFit
@@ -28,6 +28,12 @@ NEAR, MORE = 0.98, 3.0
 #: Angle in degrees from which a base is mounted otherwise: a smaller one is a tilt, which the residual tells with its
 #: deviation, as if the torques were linear in it.
 LEAN = 2.0
+
+#: Factors on the size of gravity between which it is looked for, and precision of their logarithms.
+SIZES, SIZE_STEP = np.exp(np.linspace(-4.0, 4.0, 17)), 0.01
+
+#: Factor on gravity from which its size is told: a clock that is less off is a cause beside others.
+OTHER_SIZE = 1.5
 
 #: Pairs of the parts of the rows: without gravity, and with one along each axis.
 PAIRS = tuple((a, b) for a in range(4) for b in range(a, 4))
@@ -121,10 +127,55 @@ class GravityDirection:
         plain = zip(near, self.gains(near), strict=True) if near else ()
         return max((each for each in plain if each[1] > gain - MORE), key=lambda each: each[1], default=(best, gain))
 
+    def best_size(self) -> tuple[float, float]:
+        """Return the factor on the stated gravity that explains the torques best, and its gain."""
+        gravity = np.asarray(self._fit.model.robot.gravity)
+        tried, step = SIZES, float(np.log(SIZES[1] / SIZES[0]))
+        while True:
+            gains = self.gains([factor * gravity for factor in tried])
+            k = int(np.argmax(gains))
+            if step < SIZE_STEP:
+                return float(tried[k]), gains[k]
+            step /= 2.0
+            tried = tried[k] * np.exp(step * np.arange(-1, 2))
+
     def other_mounting(self) -> tuple[Array, float]:
         """Return the axis of the base, apart from the stated direction, along which gravity explains most; its gain."""
         others = other_mountings(np.asarray(self._fit.model.robot.gravity))
         return max(zip(others, self.gains(others), strict=True), key=lambda each: each[1])
+
+
+def mountings(fit: QuickFit) -> Iterator[Interpretation]:
+    """Yield no gravity, or one of another size or direction, where that explains the log far better."""
+    gravity = np.asarray(fit.model.robot.gravity)
+    size = float(np.linalg.norm(gravity))
+    if not size:
+        return
+    free = GravityDirection(fit)
+    (without,) = free.gains([np.zeros(3)])
+    best, gain = free.best()
+    if without > GAIN:
+        evidence = "the torques contain no gravity: without it,"
+        remedy = "log the measured torque with gravity, not the controller's part without it"
+        yield Interpretation("torque without gravity", (), without, evidence, remedy, free.reading(np.zeros(3)))
+    factor, by_size = free.best_size()
+    if by_size > GAIN + max(0.0, without, gain) and abs(np.log(factor)) > np.log(OTHER_SIZE):
+        text, slow = ", ".join(f"{value + 0.0:.3g}" for value in factor * gravity), factor**-0.5
+        evidence = f"with gravity of {factor * size:.3g} m/s^2, or a clock that runs {slow:.3g} times as fast as time,"
+        remedy = (
+            f"check unit and rate of the time (multiplied by {1.0 / slow:.4g} it agrees), or state the size of gravity "
+            f"(gravity: [{text}])"
+        )
+        numbers = {"factor": factor, "clock": slow}
+        yield Interpretation(
+            "size of gravity", (), by_size, evidence, remedy, free.reading(factor * gravity), numbers, 1
+        )
+    angle = degrees_off(best, gravity)
+    if gain > GAIN and angle > LEAN:
+        text = ", ".join(f"{value + 0.0:.3g}" for value in best)
+        evidence = f"with gravity [{text}], {angle:.1f} degrees off the stated one,"
+        remedy = f"state how the arm is mounted (gravity: [{text}] in the frame of the base)"
+        yield Interpretation("mounting", (), gain, evidence, remedy, free.reading(best), {"angle_deg": angle}, 2)
 
 
 def _refined(axis: Array, gain: float, size: float) -> Search[Array, float, tuple[Array, float]]:

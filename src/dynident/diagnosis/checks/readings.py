@@ -24,7 +24,7 @@ from dynident.diagnosis.causes.column_readings import (
     variance_falls,
 )
 from dynident.diagnosis.causes.couplings import best_coupling
-from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, degrees_off
+from dynident.diagnosis.causes.gravity_direction import mountings
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, robot_misfit, unpredicted
@@ -280,7 +280,7 @@ def _candidates(positions: PositionReadings, feeds: BoolArray, everywhere: bool 
         yield Interpretation("torque sign", joints, gain, evidence, remedy, ReadRows(fit.rows, mixing))
     yield from torque_orders(fit, positions.made)
     yield from inverted_gains(fit)
-    yield from _mountings(fit)
+    yield from mountings(fit)
     if not signs.any():
         yield from _couplings(fit)
     yield from _of_positions(positions, feeds, everywhere)
@@ -367,23 +367,3 @@ def simple_ratio(value: float, half_width: float) -> float:
         if 0.0 < abs(abs(value) - size) <= half_width:
             return size if value > 0 else -size
     return 0.0
-
-
-def _mountings(fit: QuickFit) -> Iterator[Interpretation]:
-    gravity = np.asarray(fit.model.robot.gravity)
-    size = float(np.linalg.norm(gravity))
-    if not size:
-        return
-    free = GravityDirection(fit)
-    (without,) = free.gains([np.zeros(3)])
-    best, gain = free.best()
-    if without > GAIN:
-        evidence = "the torques contain no gravity: without it,"
-        remedy = "log the measured torque with gravity, not the controller's part without it"
-        yield Interpretation("torque without gravity", (), without, evidence, remedy, free.reading(np.zeros(3)))
-    angle = degrees_off(best, gravity)
-    if gain > GAIN and angle > LEAN:
-        text = ", ".join(f"{value + 0.0:.3g}" for value in best)
-        evidence = f"with gravity [{text}], {angle:.1f} degrees off the stated one,"
-        remedy = f"state how the arm is mounted (gravity: [{text}] in the frame of the base)"
-        yield Interpretation("mounting", (), gain, evidence, remedy, free.reading(best), {"angle_deg": angle}, 2)
