@@ -19,6 +19,9 @@ from dynident.api.validate import compared, judged_logs
 from dynident.cli.main import main
 from dynident.data.formats import write_log
 from dynident.data.log import Log
+from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.new_log import NewLog
+from dynident.diagnosis.verdict import Verdict
 from dynident.errors import NotAccepted
 from dynident.exports.models import export_model
 from dynident.identification.files.estimate_file import read_estimate
@@ -27,7 +30,7 @@ from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.robot import Robot
-from dynident.results.verdict import new_log_line, reason_of
+from dynident.results.verdict import new_lines, new_log_line, reason_of
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[2].parent / "shared" / "data")
 PANDA = DATA / "panda_gaz2019" / "exciting_traj_1.csv"
@@ -308,6 +311,13 @@ def test_validate_judges_the_new_log(
     assert first == "ACCEPTED: 1 of 1 criteria met" and second.startswith("other.csv: no joint errs far beyond the tr")
     right = answered(capsys, 0, "validate", "e.json", "other.csv", *judged)["verdict"]
     assert right["word"] == "accepted" and [each["value"] for each in right["criteria"]][1] == 0
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.9, "drift (elbow)"), (0.08, "name no cause")])
+def test_what_explains_little_of_a_residual_is_no_cause_of_a_large_one(share: float, told: str) -> None:
+    note = Finding("note", "drift", "elbow", "the torque drifts", "warm it up", {"share": share}).figures()
+    new = NewLog("b.csv", 0.2, 0.01, "elbow: far", "", (0, 3), False, (), [{"path": "b.csv", "findings": [note]}], "")
+    assert told in " ".join(new_lines(Verdict((), (), is_checked=True, new=new)))
 
 
 def test_a_new_log_in_which_most_joints_rest_is_as_the_training(spatial_3r: Robot, recorded: Recorded) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dynident.diagnosis.new_log import NewLog
+from dynident.diagnosis.causes.trend_findings import EXPLAINED
+from dynident.diagnosis.new_log import NewLog, Quality
 from dynident.diagnosis.verdict import (
     ACCEPTED,
     NO_CRITERIA,
@@ -54,9 +55,17 @@ def new_lines(verdict: Verdict) -> list[str]:
     lines = [new_log_line(new)] if verdict.word in (ACCEPTED, NOT_MET) else []
     if new.quality is None or not (new.unlike or new.explains_nothing) or errors_in(new.quality):
         return lines
-    found = check_lines(new.quality, "warning") or check_lines(new.quality, "note")
+    found = check_lines(new.quality, "warning") or check_lines(_with_large_notes(new.quality), "note")
     told = [f"log checks: {label(line)}" for line in found[:_CAUSES]]
     return [*lines, *(told or ["the checks of this log name no cause", *filter(None, [label(new.step)])])]
+
+
+def _with_large_notes(quality: Quality) -> Quality:
+    """Return what checks found without what explains less than half of a residual, which is no cause of a large one."""
+    return [
+        {**each, "findings": [own for own in each["findings"] if own["numbers"].get("share", 1.0) > EXPLAINED]}
+        for each in quality
+    ]
 
 
 def headline(verdict: Verdict) -> str:

@@ -191,5 +191,5 @@ def _load(blame: Blame, against: AgainstBodies) -> Finding:
     large = float(blame.torque.max()) > MATTERS * float(bodies.max())
     heavy = known and large and half < NARROW * abs(mass)
     severity: Severity = "warning" if heavy else "note"
-    numbers = {"mass_kg": mass, "std_kg": deviation, "t": blame.certainty}
+    numbers = {"mass_kg": mass, "std_kg": deviation, "t": blame.certainty, "share": blame.share}
     return Finding(severity, "load at the flange", joint, evidence, remedy, numbers)
