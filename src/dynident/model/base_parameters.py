@@ -169,21 +169,22 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     return BaseParameters(model.parameters[:size], chosen, matrix, matters, shares, float(neglected))
 
 
-def with_stated_rotors(model: DynamicModel) -> DynamicModel:
+def with_stated_rotors(model: DynamicModel, arms: bool = False) -> DynamicModel:
     """Return the model without a choice about inertia of rotors that acts as an inertia of bodies for sure.
 
     That of a slide does, as mass, where no motion tells it from the mass beside the offset of the torque: a vertical
     one as well, whose weight the offset takes up. So does that of all joints of a gantry with a wrist of two axes. No
-    sample decides on such inertia, and what is left out would count as mass.
+    sample decides on such inertia, and what is left out would count as mass; of a robot without slides as inertia of
+    its links alone, which is looked at with ``arms``.
     """
-    if not any(part.is_optional and all(part.is_inertia) for part in model.friction):
+    slides = {joint.name for joint in model.robot.active if joint.kind == "prismatic"}
+    if not (slides or arms) or not any(part.is_optional and all(part.is_inertia) for part in model.friction):
         return model
     drives = [replace(part, choose=None) for part in model.friction if all(part.is_inertia)]
     constant = [part for part in model.friction if all(part.is_constant) and not part.is_optional]
     full = replace(model, friction=(*constant, *drives))
     verdicts = zip(full.parameters, base_parameters(full).verdicts, strict=True)
     apart = {one.owner for one, verdict in verdicts if one.kind == "rotor" and verdict == IDENTIFIABLE}
-    slides = {joint.name for joint in model.robot.active if joint.kind == "prismatic"}
     every = model.robot.joint_names
     stated = {name for name in every if name not in apart and (name in slides or not apart)}
     return replace(model, friction=tuple(own for part in model.friction for own in _by_verdict(part, every, stated)))

@@ -244,7 +244,7 @@ def _optional_rotors(found: Recognised) -> list[str]:
         held = {*found.still, *found.grippers, *found.without_effort}.intersection(found.moving.joint_names)
         if len(held) < found.moving.dof:
             robot = found.moving.locked(dict.fromkeys(held, 0.0))
-            parts = with_stated_rotors(DynamicModel(robot, [one, *_SURE])).friction[: -len(_SURE)]
+            parts = with_stated_rotors(DynamicModel(robot, [one, *_SURE]), arms=True).friction[: -len(_SURE)]
     lines = []
     for part in parts:
         options = [f"joints: {listed(part.joints or ())}"] * bool(part.joints) + ["choose: part"] * part.is_optional

@@ -165,7 +165,8 @@ def _about_prediction(subject: Subject) -> list[str]:
     if not subject.held_out:
         return [f"The training error is {format_percent(train)} of the measured torque.", _untested(subject)]
     worst = _worst(subject)
-    graded = f": {grade(worst)}" if _is_praised(subject.verdict) else ""
+    is_told = _is_praised(subject.verdict) or tone(worst) != "good"
+    graded = f": {grade(worst)}" if is_told else ""
     said = [f"The test error is {format_percent(worst)} of the measured torque{graded}."]
     tests = [dataset.validation for dataset in subject.held_out]
     resting = [test for test in tests if test.rests]
