@@ -192,7 +192,7 @@ class Anchored(CauseSearch):
         return float(np.sum((by_mean @ self._known.moment_errors()) ** 2))
 
     def blames(self) -> tuple[Blame, ...]:
-        """Return the causes that are sure, each with its figures beside all others."""
+        """Return the causes that are sure, with their figures beside all others where known bodies tell them."""
         found = super().blames()
         numbers = [next(k for k, one in enumerate(self.causes) if one is blame.cause) for blame in found]
         return tuple(self._beside_all(blame, k, numbers) for blame, k in zip(found, numbers, strict=True))
@@ -200,12 +200,14 @@ class Anchored(CauseSearch):
     def _beside_all(self, blame: Blame, k: int, numbers: Sequence[int]) -> Blame:
         """Return one of the causes found, number k, with its figures beside all the others.
 
-        A zero moves the bodies themselves: where these contradict an estimate even so, its interval is wider (Birge
-        1932).
+        Against a robot model a rotor inertia alone: other causes take errors of its few bodies in. A zero moves the
+        bodies themselves: where these contradict an estimate even so, its interval is wider (Birge 1932).
         """
+        if isinstance(self._known, NominalBodies) and blame.cause.name != "rotor inertia":
+            return blame
         last = blame if k == numbers[-1] else self.beside(numbers, k)[0]
         times = 1.0
-        if blame.cause.name == ZERO and not isinstance(self._known, NominalBodies):
+        if blame.cause.name == ZERO:
             after, held = self.fit([*(other for other in numbers if other != k), k]), self._known.places
             told = len(held) - float(np.diag(after.covariance)[held].sum())
             times = max(after.surprise / max(told, 1.0), 1.0)
