@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,9 @@ from dynident.api.actuators import logs_of_servos
 from dynident.case.case import read_case
 from dynident.cli.main import main
 from dynident.model.robot import Robot
+from real_data import real
 
 ROOT = Path(__file__).parents[2]
-REAL = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data") / "dynamixel_xl330_bam"
 
 CASE = f"{CASE_OF_LOGS}train: [chirp_kp4.csv, drop_kp4.csv]\n"
 
@@ -80,14 +79,13 @@ def test_errors_of_real_servos(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, friction: str, linear: float, refined: float
 ) -> None:
     """Split A of the XL330 logs: kp 100, 400, 800 to learn from, kp 200 to test on; mean absolute error in mrad."""
-    if not REAL.is_dir():
-        pytest.skip("no folder dynamixel_xl330_bam under DYNIDENT_DATA or ../shared/data")
+    logs = real("dynamixel_xl330_bam", monkeypatch)
     monkeypatch.chdir(tmp_path)
-    case = CASE.replace("pendulum.urdf", str(REAL / "urdf" / "pendulum_m0490_l100.urdf"))
+    case = CASE.replace("pendulum.urdf", str(logs / "urdf" / "pendulum_m0490_l100.urdf"))
     case = case.replace("feetech_sts3215", "dynamixel_xl330").replace("m1", friction)
     Path("case.yaml").write_text(case[: case.index("train:")])
-    names = [str(path) for kp in (100, 400, 800) for path in sorted((REAL / "logs").glob(f"*_kp{kp}.csv"))]
-    tests = [str(path) for path in sorted((REAL / "logs").glob("*_kp200.csv"))]
+    names = [str(path) for kp in (100, 400, 800) for path in sorted((logs / "logs").glob(f"*_kp{kp}.csv"))]
+    tests = [str(path) for path in sorted((logs / "logs").glob("*_kp200.csv"))]
     assert len(names) == 12 and len(tests) == 4
     assert main(["identify", "case.yaml", *names, "--test", *tests, "-o", "a.json", "--quiet"]) == 0
     joint = json.loads(Path("a.json").read_text())["joints"]["joint1"]

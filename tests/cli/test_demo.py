@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
 import re
 import subprocess
 import sys
@@ -15,6 +14,7 @@ import pytest
 
 import dynident as di
 from dynident.cli.main import main
+from real_data import real
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "src" / "dynident" / "api" / "demo_data"
@@ -71,10 +71,7 @@ def test_the_shipped_files_come_from_their_command(tmp_path: Path) -> None:
 def test_the_demo_on_a_real_arm(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
-    if not (data / "ur10e_mamedov").is_dir():
-        pytest.skip("no folder ur10e_mamedov under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(data))
+    real("ur10e_mamedov", monkeypatch)
     assert main(["demo", "--out", str(tmp_path), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["source"].startswith("real UR10e") and told["test"]["total_relative_error"] < 0.04

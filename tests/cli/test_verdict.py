@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -31,8 +30,8 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.robot import Robot
 from dynident.results.verdict import new_lines, new_log_line, reason_of
+from real_data import DATA, real
 
-DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[2].parent / "shared" / "data")
 PANDA = DATA / "panda_gaz2019" / "exciting_traj_1.csv"
 CASES = Path(__file__).resolve().parents[2] / "examples" / "cases"
 
@@ -447,7 +446,6 @@ def _exchange(values: np.ndarray, header: list[str]) -> None:
 
 
 @pytest.mark.battery
-@pytest.mark.skipif(not PANDA.is_file(), reason="no log of the Panda under DYNIDENT_DATA or ../shared/data")
 @pytest.mark.parametrize(
     ("change", "gravity", "code"),
     [
@@ -461,7 +459,7 @@ def _exchange(values: np.ndarray, header: list[str]) -> None:
 def test_the_panda(
     change: Any, gravity: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real("panda_gaz2019", monkeypatch)
     _panda(change, gravity)
     assert main(["identify", "case.yaml", "-o", "estimate.json", *QUICK]) == code
     assert capsys.readouterr().out.startswith("NOT ACCEPTED") is (code == 4)

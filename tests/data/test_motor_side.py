@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +16,8 @@ from dynident.errors import LogMismatch
 from dynident.model.joint import Drive
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
+from real_data import real
 
-DATA = Path(os.environ.get("DYNIDENT_DATA", Path(__file__).parents[2] / "../shared/data")) / "staubli_tx40_figaroh"
 RATIOS = (100.0, -80.0)
 COUPLING = np.array([[1.0, 0.0], [0.5, 1.0]])
 URDF = """<robot name="two"><link name="base"/>
@@ -91,19 +90,19 @@ def test_a_locked_joint_in_a_log_of_the_motors_side_is_refused(robot: Robot, tmp
         read_case(tmp_path / "case.yaml").read("run.csv")
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the logs of real robots are not here (DYNIDENT_DATA)")
-def test_the_motors_of_the_tx40_give_its_joint_side_log(tmp_path: Path) -> None:
+def test_the_motors_of_the_tx40_give_its_joint_side_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """FIGAROH's joint-side log of the TX40 is what its own maps make of the log of the motors, every fifth row."""
-    names = read_robot(DATA / "robot.urdf").joint_names
+    logs = real("staubli_tx40_figaroh", monkeypatch)
+    names = read_robot(logs / "robot.urdf").joint_names
     drives = ", ".join(f"{name}: {{gear_ratio: {n}}}" for name, n in zip(names, (32, 32, 45, -48, 45, 32), strict=True))
     path = tmp_path / "case.yaml"
     path.write_text(
-        f"case: 1\nrobot: {DATA / 'robot.urdf'}\ndrives: {{{drives}}}\n"
+        f"case: 1\nrobot: {logs / 'robot.urdf'}\ndrives: {{{drives}}}\n"
         "coupling: [[1,0,0,0,0,0],[0,1,0,0,0,0],[0,0,1,0,0,0],[0,0,0,1,0,0],[0,0,0,0,1,0],[0,0,0,0,1,1]]\n"
         "log: {side: motor, columns: {q: 'qm{}', torque: 'taum{}'}, zero: [0, -pi/2, pi/2, 0, 0, 0]}\n"
     )
-    found = read_case(path).read(DATA / "motor_side_1kHz.csv")
-    true = read_case(DATA / "robot.urdf").read(DATA / "trajectory.csv").rows(slice(None, None, 5), "every fifth row")
+    found = read_case(path).read(logs / "motor_side_1kHz.csv")
+    true = read_case(logs / "robot.urdf").read(logs / "trajectory.csv").rows(slice(None, None, 5), "every fifth row")
     np.testing.assert_allclose(found.time, true.time, atol=1e-6)
     np.testing.assert_allclose(found.q, true.q, atol=2e-6)
     scale = np.abs(np.asarray(true.torque)).max()

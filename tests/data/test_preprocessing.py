@@ -36,12 +36,6 @@ def tone(hertz, samples=4000, rate=200.0):
 # Five-point smoothing (17)
 
 
-@given(arrays(float, (4, 2), elements=SMALL), st.integers(5, 30), st.integers(1, 12))
-def test_five_points_leave_cubics_as_they_are_ends_included(coefficients, samples, repeats):
-    cubic = np.vander(np.linspace(-1, 1, samples), 4) @ coefficients
-    np.testing.assert_allclose(five_point_smoothing(cubic, repeats), cubic, atol=1e-12 * (1 + np.abs(cubic).max()))
-
-
 @given(arrays(float, st.tuples(st.integers(5, 40), st.just(3)), elements=SMALL))
 def test_five_points_are_the_savitzky_golay_filter(signal):
     """The interior is a moving cubic fit over five samples; so are the ends, read off the last full fit."""
@@ -213,13 +207,6 @@ def test_averaging_periods_divides_noise_by_the_root_of_their_number(periods):
     clean, _ = periodic_log(periods)
     left = made.raw_torque - clean.torque[:500]
     assert np.std(left) == pytest.approx(0.1 / np.sqrt(periods), rel=0.1)  # 1000 samples: 2.2 %
-
-
-def test_the_derivatives_of_the_basis_are_its_derivatives():
-    t, h = np.linspace(0, 5, 41), 1e-4
-    for order in (0, 1):
-        ahead, behind = (fourier_basis(t + step, 5.0, 3)[order] for step in (h, -h))
-        np.testing.assert_allclose((ahead - behind) / (2 * h), fourier_basis(t, 5.0, 3)[order + 1], atol=1e-5)
 
 
 # Resampling and rows

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
@@ -19,9 +18,9 @@ from benchmarks.faults.trials import robots, subject_of, virtual
 
 from dynident.case.case import read_case
 from dynident.diagnosis.examination import examine
+from real_data import real
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 #: Share that must be named: nearly all where the robot model is exact and the noise white. What the Panda's own
 #: description and friction hide is told in docs/log-checks.md.
@@ -41,9 +40,8 @@ LOGS = {
 def test_faults_are_named_from_the_smallest_that_matters(
     robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if robot == "panda" and not (DATA / LOGS[robot]).is_file():
-        pytest.skip(f"no {LOGS[robot]} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    if robot == "panda":
+        real(LOGS[robot], monkeypatch)
     ((trial, held),) = robots([robot]).values()
     counts = alarms(trial, held, tmp_path)
     assert counts["error"] == 0 and counts["warning"] <= 1
@@ -79,9 +77,7 @@ def test_no_log_is_asked_for_more_than_it_tells_and_none_is_why_a_figure_is_fals
 @pytest.mark.battery
 @pytest.mark.parametrize("robot", LOGS)
 def test_a_clean_real_log_gives_no_error_and_at_most_one_warning(robot: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if not (DATA / LOGS[robot]).is_file():
-        pytest.skip(f"no {LOGS[robot]} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real(LOGS[robot], monkeypatch)
     found = examine(read_case(ROOT / "examples" / "cases" / f"{robot}.yaml"), LOGS[robot])
     assert found.sound and not found.left_out
     assert sum(finding.severity == "warning" for finding in found.findings) <= 1, found.findings

@@ -10,15 +10,13 @@ import pytest
 from dynident.errors import BadOption, UnknownChoice
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.load import Load
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.viscous import Viscous
 from dynident.model.joint import Drive
 from dynident.model.robot import Robot
-
-EVERY = tuple(FRICTION.make(name) for name in FRICTION.names() if name not in ("asymmetric",))
 
 
 def test_a_part_for_some_joints_is_the_part_with_no_coefficient_elsewhere(spatial_3r: Robot) -> None:
@@ -51,15 +49,6 @@ def test_joints_that_are_none_and_parts_that_meet(planar_2r: Robot) -> None:
         DynamicModel(planar_2r, (Coulomb(joints=("elbow",)),))
     with pytest.raises(BadOption, match="the coefficient Fc is there twice on joint2"):
         DynamicModel(planar_2r, (Coulomb(), Coulomb(0.1, joints=("joint2",))))
-
-
-@pytest.mark.parametrize("arm", ["spatial_3r", "coupled_arm", "sliding_arm", "mimic_arm"])
-def test_every_part_at_once_is_linear_in_theta(arm: str, request: pytest.FixtureRequest) -> None:
-    model = DynamicModel(request.getfixturevalue(arm), EVERY)
-    motion = model.random_motion(10)
-    theta = np.random.default_rng(1).normal(size=len(model.parameters))
-    expected = model.regressor(motion) @ theta + model.known_torque(motion)
-    np.testing.assert_allclose(model.torque(motion, theta), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("arm", ["spatial_3r", "coupled_arm"])

@@ -49,17 +49,6 @@ def test_pinocchio_order_is_a_bijection_over_any_shape(theta: Array) -> None:
     np.testing.assert_array_equal(to_pinocchio(theta)[1], to_pinocchio(theta[1]))
 
 
-def test_pinocchio_reads_the_order() -> None:
-    pin = pytest.importorskip("pinocchio")
-    body = Inertia.from_log_cholesky(np.linspace(-0.5, 0.5, 10))
-    theirs = pin.Inertia.FromDynamicParameters(to_pinocchio(body.vector))
-    assert theirs.mass == pytest.approx(body.mass)
-    np.testing.assert_allclose(theirs.lever, body.centre_of_mass)
-    np.testing.assert_allclose(theirs.inertia, body.about_centre)
-    back = Inertia.from_vector(from_pinocchio(theirs.toDynamicParameters()))
-    np.testing.assert_allclose(back.pseudo, body.pseudo, atol=1e-14)
-
-
 def test_mujoco_reads_the_order() -> None:
     """A free body: the inertia that MuJoCo's mass matrix shows about each axis of the body at its centre of mass."""
     mujoco = pytest.importorskip("mujoco")

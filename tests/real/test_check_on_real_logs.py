@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +17,9 @@ from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.diagnosis.examination import examine, examine_recordings
 from dynident.diagnosis.recording import recording_of
 from dynident.model.friction import FRICTION
+from real_data import real
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 
 @pytest.mark.parametrize(
@@ -34,9 +33,7 @@ DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
     ],
 )
 def test_no_recorded_log_has_an_error(name: str, folder: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if not (DATA / folder).is_dir():
-        pytest.skip(f"no {folder} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real(folder, monkeypatch)
     case = read_case(ROOT / "examples" / "cases" / f"{name}.yaml")
     for log in (*case.train, *case.test):
         assert [one.line() for one in examine(case, log).findings if one.severity == "error"] == []
@@ -44,9 +41,7 @@ def test_no_recorded_log_has_an_error(name: str, folder: str, monkeypatch: pytes
 
 def test_a_joint_whose_friction_the_model_lacks_makes_no_other_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     """The torso of a TIAGo leaves a third of its torque; bodies of its own mend that joint, and nothing else."""
-    if not (DATA / "tiago_figaroh").is_dir():
-        pytest.skip("no tiago_figaroh under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real("tiago_figaroh", monkeypatch)
     case = read_case(ROOT / "examples" / "cases" / "tiago.yaml")
     case = replace(case, preprocessing=replace(case.preprocessing, trim_s=1.2, delay_s=None))
     assert case.split is not None
@@ -60,9 +55,7 @@ def test_a_delay_is_told_beside_the_friction_of_a_real_arm(tmp_path: Path, monke
 
     Which causes stand beside it moves it by a deviation: 16.4 ms with a counterbalance, 15.0 with a spring of joint_4.
     """
-    if not (DATA / "staubli_tx40_figaroh").is_dir():
-        pytest.skip("no staubli_tx40_figaroh under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real("staubli_tx40_figaroh", monkeypatch)
     whole = recorded("tx40")
     late = put.delayed(whole.rows(np.arange(int(LEARNED * len(whole.columns["t"])))), 80.0)
     delay = subject_of(late, tmp_path).delay
@@ -73,11 +66,7 @@ def test_a_delay_is_told_beside_the_friction_of_a_real_arm(tmp_path: Path, monke
 def test_a_turned_sign_is_told_and_no_scale_that_leaves_its_joint_unexplained(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    log = DATA / "panda_gaz2019/exciting_traj_1.csv"
-    if not log.is_file():
-        pytest.skip(f"no {log.name} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
-    table = pd.read_csv(log)
+    table = pd.read_csv(real("panda_gaz2019/exciting_traj_1.csv", monkeypatch))
     table["tau4"] *= -1.0
     table.to_csv(tmp_path / "turned.csv", index=False)
     case = read_case(ROOT / "examples" / "cases" / "panda.yaml")
@@ -89,9 +78,7 @@ def test_a_lean_that_passes_for_a_delay_is_a_lean_and_a_delay_a_delay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In 14 s with the robot's torques alone, a lean of 2 degrees passes for a delay of 16 ms."""
-    if not (DATA / REAL["panda"]).is_file():
-        pytest.skip(f"no {REAL['panda']} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real(REAL["panda"], monkeypatch)
     whole = recorded("panda")
     log = whole.rows(np.arange(int(LEARNED * len(whole.columns["t"]))))
     leaning = subject_of(put.tilted(log, 2.1, np.random.default_rng(1)), tmp_path)
@@ -106,9 +93,7 @@ def test_a_lean_that_passes_for_a_delay_is_a_lean_and_a_delay_a_delay(
 @pytest.mark.parametrize("run", [1, 2, 3])
 def test_a_wrist_torque_that_follows_its_position_is_no_other_order(run: int, monkeypatch: pytest.MonkeyPatch) -> None:
     log = f"kuka_lwr4_flobaroid/measurements_{run}.csv"
-    if not (DATA / log).is_file():
-        pytest.skip(f"no {log} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real(log, monkeypatch)
     case = read_case(ROOT / "examples" / "cases" / "lwr4.yaml")
     friction = (FRICTION.make("coulomb", {"width": 0.01}), FRICTION.make("rotor_inertia"))
     how = replace(case.preprocessing, filter=Butterworth(2.0), trim_s=1.2)
@@ -118,9 +103,7 @@ def test_a_wrist_torque_that_follows_its_position_is_no_other_order(run: int, mo
 
 def test_a_zero_that_moved_between_two_logs_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parameters of the log alone take the shift in, those of the other logs do not; as recorded all are alike."""
-    if not (DATA / "ur10e_mamedov").is_dir():
-        pytest.skip("no ur10e_mamedov under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real("ur10e_mamedov", monkeypatch)
     case = read_case(ROOT / "examples" / "cases" / "ur10e.yaml")
     logs = [case.read(case.find(name)) for name in case.train[:3]]
     *_, together = check_logs(case, logs)
@@ -137,9 +120,7 @@ def test_a_zero_that_moved_between_two_logs_is_told(monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize("joint", range(1, 7))
 def test_joints_at_rest_are_told_once(joint: int, monkeypatch: pytest.MonkeyPatch) -> None:
     log = f"ur10e_mamedov/jointwise_20_01_22_joint_{joint}.csv"
-    if not (DATA / log).is_file():
-        pytest.skip(f"no {log} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real(log, monkeypatch)
     found = examine(read_case(ROOT / "examples" / "cases" / "ur10e.yaml"), log).findings
     grave = {one.name for one in found if one.severity != "note"} - {"spikes"}  # of the current
     assert grave == ({"poor excitation"} if joint == 6 else {"joint never moved"})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,20 +14,18 @@ from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.identification.build_problem import build_problem
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.validate import validate_prepared
+from real_data import real
 
 pytestmark = pytest.mark.battery
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 
 @pytest.mark.parametrize(("name", "folder"), [("panda", "panda_gaz2019"), ("lwr4", "kuka_lwr4_flobaroid")])
 def test_the_chosen_cut_off_predicts_as_well_as_the_stated_one(
     name: str, folder: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if not (DATA / folder).is_dir():
-        pytest.skip(f"no folder {folder} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real(folder, monkeypatch)
     case = read_case(ROOT / "examples" / "cases" / f"{name}.yaml")
     data = read_data(case)
     model = replace(case.model, friction=tuple(part for part in case.friction if "torque" not in part.needs))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -16,28 +15,15 @@ from dynident.diagnosis.examination import examine
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.robot_files import read_robot
+from real_data import DATA, real
 
 pytestmark = pytest.mark.battery
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 #: Published gains of the UR10e in N m/A, as the data set's README has them: De Luca; Mamedov and Mikhel.
 DE_LUCA = np.array([14.87, 13.26, 11.13, 10.62, 11.03, 11.47])
 MAMEDOV = np.array([10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232])
-
-
-@pytest.fixture(autouse=True)
-def data(monkeypatch: pytest.MonkeyPatch) -> None:
-    if not DATA.is_dir():
-        pytest.skip("no folder named by DYNIDENT_DATA and no ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
-
-
-def folder(name: str) -> Path:
-    if not (DATA / name).is_dir():
-        pytest.skip(f"no folder {name} under DYNIDENT_DATA or ../shared/data")
-    return DATA / name
 
 
 def asked(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -> dict[str, Any]:
@@ -45,13 +31,15 @@ def asked(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) ->
     return json.loads(capsys.readouterr().out)
 
 
-def test_ur10e_gains_from_a_weighed_load(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_ur10e_gains_from_a_weighed_load(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """They lie between the published sets, and predict held-out runs better than those of De Luca.
 
     At a joint by 3 % at most worse: the largest share is that of wrist_1, whose gain is De Luca's within its
     interval. There the squared errors of the runs differ by 1.7 standard errors over blocks of 2 s.
     """
-    runs = folder("ur10e_mamedov")
+    runs = real("ur10e_mamedov", monkeypatch)
     case, out = str(ROOT / "examples" / "cases" / "ur10e.yaml"), str(tmp_path / "gains.yaml")
     free, heavy = str(runs / "ident_20_01_31_unload.csv"), str(runs / "ident_20_01_13_load_2600.csv")
     found = asked(capsys, "gains", case, free, "--load", heavy, "--mass", "2.602", "-o", out)
@@ -83,10 +71,12 @@ def tx40_case(path: Path, log: Path, lines: str) -> Path:
     return path
 
 
-def test_the_motors_of_the_tx40_give_the_base_parameters_of_its_joints(tmp_path: Path) -> None:
+def test_the_motors_of_the_tx40_give_the_base_parameters_of_its_joints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The same rows from both sides give the same parameters to what seven digits of the files leave, and the log of
     the joints at 5 kHz gives them within their deviations: another rate is another filter of the noise."""
-    runs = folder("staubli_tx40_figaroh")
+    runs = real("staubli_tx40_figaroh", monkeypatch)
     motors = tx40_case(
         tmp_path / "motors.yaml",
         runs / "motor_side_1kHz.csv",
@@ -108,9 +98,9 @@ def test_the_motors_of_the_tx40_give_the_base_parameters_of_its_joints(tmp_path:
 
 
 def test_the_wrist_channels_of_tiago_are_named_and_the_rest_is_identified(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder("tiago_figaroh")
+    real("tiago_figaroh", monkeypatch)
     path = ROOT / "examples" / "cases" / "tiago.yaml"
     case = read_case(path)
     coarse = [one.joint for one in examine(case, case.train[0]).findings if "coarse" in one.name]

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
 
 from loaded_file import loaded_file
+from real_data import DATA, real
 
 pytestmark = pytest.mark.battery
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 
 cases = loaded_file("benchmarks/init_cases.py")  # which has the answers
@@ -24,9 +23,7 @@ def test_a_draft_is_as_good_as_the_case_written_by_hand(
 ) -> None:
     """Only what the draft asks for is filled in; both are compared under the filter of the hand-written case."""
     of = cases.SETS[name]
-    if not (DATA / of.robot).is_file():
-        pytest.skip(f"no {of.robot} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real(of.robot, monkeypatch)
     found = cases.outcome_of(name, DATA, tmp_path)
     assert found.ratio <= cases.BOUND
     assert found.own <= cases.BOUND * found.by_hand

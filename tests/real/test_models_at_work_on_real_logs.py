@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,19 +14,17 @@ from dynident.applications.payload import BeforeRun, identify_payload
 from dynident.case.case import Case, read_case
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
+from real_data import DATA, real
 
 pytestmark = pytest.mark.battery
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 
 @pytest.fixture(scope="module")
 def case() -> Iterator[Case]:
-    if not (DATA / "ur10e_mamedov").is_dir():
-        pytest.skip("no folder ur10e_mamedov under DYNIDENT_DATA or ../shared/data")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DYNIDENT_DATA", str(DATA))
+        real("ur10e_mamedov", patch)
         yield read_case(ROOT / "examples" / "cases" / "ur10e.yaml")
 
 

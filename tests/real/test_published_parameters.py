@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
-from pathlib import Path
 
 import pytest
 from benchmarks import published_parameters
 
-DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
+from real_data import DATA, real
 
 
 @pytest.fixture
 def data(monkeypatch: pytest.MonkeyPatch) -> None:
     for folder in ("panda_gaz2019", "staubli_tx40_figaroh"):
-        if not (DATA / folder).is_dir():
-            pytest.skip(f"no folder {folder} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+        real(folder, monkeypatch)
     monkeypatch.setattr(published_parameters, "DATA", DATA)
 
 

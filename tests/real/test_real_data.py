@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from dynident.cli.main import main
+from real_data import DATA, real
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 #: Without the diagnostics that no test below reads: the estimate and its errors are the same.
 QUICK = ("--cross-validate", "0", "--no-sensitivity")
@@ -29,10 +28,7 @@ FOLDERS = {
 def identified(
     name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *options: str
 ) -> dict[str, Any]:
-    folder = FOLDERS[name]
-    if not (DATA / folder).is_dir():
-        pytest.skip(f"no folder {folder} under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    real(FOLDERS[name], monkeypatch)
     assert main(["identify", str(ROOT / "examples" / "cases" / f"{name}.yaml"), *options, "--json"]) == 0
     return json.loads(capsys.readouterr().out)
 
@@ -54,12 +50,10 @@ def test_panda_unconstrained_and_consistent_on_the_held_out_third(
 
 @pytest.mark.battery
 def test_panda_on_all_data(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    real(FOLDERS["panda"], monkeypatch)
     text = (ROOT / "examples" / "cases" / "panda.yaml").read_text(encoding="utf-8")
     whole = tmp_path / "panda.yaml"
     whole.write_text("".join(line for line in text.splitlines(True) if not line.startswith("split")), encoding="utf-8")
-    if not (DATA / "panda_gaz2019").is_dir():
-        pytest.skip("no folder panda_gaz2019 under DYNIDENT_DATA or ../shared/data")
-    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
     errors = {}
     for estimator in ("wls", "consistent"):
         assert main(["identify", str(whole), "--json", "--estimator", estimator]) == 0

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +16,8 @@ from dynident.model.kernels.batched import inverse_dynamics, link_poses
 from dynident.model.plausible import consistency_defects
 from dynident.model.robot import Robot
 from dynident.robot_files.formats.urdf import read_urdf
+from real_data import real
 
-DATA = Path(os.environ.get("DYNIDENT_DATA", Path(__file__).resolve().parents[4] / "shared" / "data"))
 #: Pinocchio's order of the ten, as positions in ours: m, m c, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
 PINOCCHIO = [9, 6, 7, 8, 0, 1, 3, 2, 4, 5]
 SETS = {
@@ -129,10 +127,8 @@ def test_random_tree_against_pinocchio(seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", SETS)
-def test_reference_sets_read_and_agree_with_pinocchio(name: str) -> None:
-    path = DATA / name
-    if not path.is_file():
-        pytest.skip(f"no {path}; point DYNIDENT_DATA to the reference sets")
+def test_reference_sets_read_and_agree_with_pinocchio(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = real(name, monkeypatch)
     data = path.read_bytes()
     robot = read_urdf(path, data)
     assert robot.dof == SETS[name]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from true_parameters import with_friction
+from small_arms import mimic_arm, two_link_arm, wave, with_friction
 
 from dynident.errors import BadOption, SolverFailed, UnknownChoice
 from dynident.excitation.trajectories.fourier import FourierSeries
@@ -39,11 +39,6 @@ from dynident.simulation.truth import Truth
 IDLE = CONTROLLERS.make("pd", {"stiffness": (0.0,), "damping": (0.0,), "feedforward": "none"})
 
 
-def wave(joints, size=0.2, period=4.0):
-    sine, cosine = size * np.random.default_rng(5).normal(size=(2, joints, 3))
-    return FourierSeries(np.linspace(-0.3, 0.4, joints), sine, cosine, period)
-
-
 def still(q):
     """Return a motion that stands at q."""
     q = np.atleast_1d(np.asarray(q, dtype=float))
@@ -57,19 +52,6 @@ def rail(mass=2.0, gravity=0.0, rotor=0.5):
     return Robot("rail", (Link("mass", body),), (joint,), gravity=np.array([0, 0, -gravity]))
 
 
-def two_links(coupling=None):
-    links = [
-        Link(f"link{k}", Inertia.from_centre_of_mass(mass, [0.2, 0.02, 0.01], np.diag([0.02, 0.06, 0.06])))
-        for k, mass in enumerate((4.0, 2.0))
-    ]
-    y = np.array([0.0, 1.0, 0.0])
-    joints = [
-        Joint(f"joint{k}", "revolute", k - 1, np.eye(3), np.array([0.4 * k, 0, 0]), y, drive=Drive(50.0, 4e-5))
-        for k in range(2)
-    ]
-    return Robot("two-links", tuple(links), tuple(joints), coupling=coupling)
-
-
 def go(model, theta, motion, duration=1.0, **cell):
     return simulate_cell(model, theta, motion, Cell(**cell), duration=duration, seed=3)
 
@@ -77,15 +59,16 @@ def go(model, theta, motion, duration=1.0, **cell):
 # --- the dynamics ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["generic-6r", "generic-scara", "coupled"])
+@pytest.mark.parametrize("name", ["generic-6r", "generic-scara", "coupled", "mimic"])
 def test_inverse_dynamics_with_every_friction_part_give_the_torque(name):
-    robot = two_links(np.array([[1.0, 0.0], [-0.5, 1.2]])) if name == "coupled" else read_robot(name)
+    made = {"coupled": lambda: two_link_arm(coupling=np.array([[1.0, 0.0], [-0.5, 1.2]])), "mimic": mimic_arm}
+    robot = made.get(name, lambda: read_robot(name))()
     parts = ("asymmetric", "viscous", "offset", "stribeck", "polynomial", "degressive", "load", "periodic")
     model = DynamicModel(robot, (*parts, "temperature", "rotor_inertia"))
     values = [1.5, 1.1, 0.9, 0.2, 0.8, 0.2, 0.1, 0.5, 0.05, 0.3, 0.1, 0.2, 0.1, -0.01, -0.004, 0.05]
     theta = with_friction(model, values)
     warming = Warming(start=(20.0,), end=(60.0,), time_constant=0.5)
-    truth = go(model, theta, wave(robot.dof, 0.1), warming=warming, lead_in=0.5).truth
+    truth = go(model, theta, wave(robot.dof, size=0.1), warming=warming, lead_in=0.5).truth
     assert np.ptp(truth.temperature) > 30
     again = model.torque(Motion(truth.q, truth.dq, truth.ddq, temperature=truth.temperature), theta)
     np.testing.assert_allclose(again, truth.torque, atol=1e-9 * np.abs(truth.torque).max())
@@ -93,7 +76,7 @@ def test_inverse_dynamics_with_every_friction_part_give_the_torque(name):
 
 @pytest.mark.parametrize("springs", [False, True])
 def test_a_free_arm_keeps_its_energy(springs):
-    robot = two_links()
+    robot = two_link_arm()
     elastic = Elasticity((4e3, 2e3)) if springs else Elasticity()
     motion = FourierSeries(np.array([0.3, -0.4]), np.array([[0.2], [0.3]]), np.zeros((2, 1)), 4.0)
     kinds = {"controller": IDLE, "elasticity": elastic, "lead_in": 0.0, "recorder": Recorder(velocities=True)}
@@ -164,7 +147,7 @@ def test_bristles_hold_a_mass_or_let_it_slide(level, slides):
 
 
 def test_bristles_under_friction_that_falls_with_speed_are_integrated_finely_enough():
-    model = DynamicModel(two_links(), ("coulomb", "viscous", "stribeck"))
+    model = DynamicModel(two_link_arm(), ("coulomb", "viscous", "stribeck"))
     theta = with_friction(model, [0.5, 0.5, 6.0])  # at speed bristles slip at a twelfth of the torque that they hold
     motion = FourierSeries(np.zeros(2), np.zeros((2, 1)), np.array([[0.6], [-0.6]]), 1.0)
     cell = Cell(bristles=Bristles(1e-2), lead_in=0.0)
@@ -179,7 +162,7 @@ def test_bristles_under_friction_that_falls_with_speed_are_integrated_finely_eno
 def test_mujoco_in_the_same_cell_agrees(name):
     """Other dynamics of the bodies under springs or bristles, friction, delay and noise: the same log."""
     pytest.importorskip("mujoco")
-    robot = two_links(np.array([[1.0, 0.0], [-0.5, 1.2]])) if name == "coupled" else read_robot(name)
+    robot = two_link_arm(coupling=np.array([[1.0, 0.0], [-0.5, 1.2]])) if name == "coupled" else read_robot(name)
     model = DynamicModel(robot, ("coulomb", "viscous", "load", "rotor_inertia"))
     theta = with_friction(model, [2.0, 3.0, 0.05, 0.1])
     own = Cell(
@@ -192,7 +175,7 @@ def test_mujoco_in_the_same_cell_agrees(name):
         lead_in=0.0,
     )
     runs = [
-        simulate_cell(model, theta, wave(robot.dof, 0.1), replace(own, plant=plant), duration=0.25)
+        simulate_cell(model, theta, wave(robot.dof, size=0.1), replace(own, plant=plant), duration=0.25)
         for plant in ("own", "mujoco")
     ]
     for signal in ("q", "dq", "ddq", "torque"):
@@ -202,14 +185,14 @@ def test_mujoco_in_the_same_cell_agrees(name):
 
 
 def test_a_payload_and_a_tilted_base_are_those_of_the_model():
-    robot = two_links()
+    robot = two_link_arm()
     model = DynamicModel(robot)
     body = Inertia.from_centre_of_mass(1.5, [0.3, 0, 0.1], np.diag([0.01, 0.02, 0.03]))
     run = go(
         model,
         robot.nominal,
         wave(2),
-        payload=Payload(1.5, (0.3, 0, 0.1), (0.01, 0.02, 0.03), "link1"),
+        payload=Payload(1.5, (0.3, 0, 0.1), (0.01, 0.02, 0.03), "lower"),
         tilt=Tilt(0.1, 0.2),
     )
     theta = robot.nominal + np.r_[np.zeros(10), body.vector]
@@ -224,7 +207,7 @@ def test_a_payload_and_a_tilted_base_are_those_of_the_model():
 
 
 def test_friction_fades_with_the_temperature():
-    model = DynamicModel(two_links(), ("coulomb", "viscous"))
+    model = DynamicModel(two_link_arm(), ("coulomb", "viscous"))
     theta = with_friction(model, [2.0, 3.0])
     warm = Warming(end=(45.0,), time_constant=0.2, per_kelvin=-0.01)
     run = go(model, theta, wave(2), 2.0, warming=warm, lead_in=0.0)
@@ -253,7 +236,7 @@ def test_a_delayed_torque_through_a_lagging_current_loop_is_that_of_the_law():
     part = CONTROLLERS.make(
         "pd", {"rate": 500.0, "stiffness": tuple(kp), "damping": tuple(kd), "delay_s": 0.004, "current_hz": 60.0}
     )
-    run, gravity = controlled(part, two_links(), wave(2))
+    run, gravity = controlled(part, two_link_arm(), wave(2))
     law = gravity + kp * (run.log.q_ref - run.log.q) + kd * (run.log.dq_ref - run.log.dq)
     command = np.concatenate([np.repeat(law[:1], 2, axis=0), law[:-2]])
     expected, now = [], command[0]
@@ -267,7 +250,7 @@ def test_velocities_from_differences_are_those_of_the_encoder_through_the_filter
     kp, kd = (300.0,), (6.0,)
     part = CONTROLLERS.make("pd", {"stiffness": kp, "damping": kd})
     encoder = Encoder((1e-3,), velocity="difference", filter_hz=50.0)
-    run, gravity = controlled(part, two_links(), still([0.2, -0.1]), encoder=encoder, tilt=Tilt(0.0, 0.3))
+    run, gravity = controlled(part, two_link_arm(), still([0.2, -0.1]), encoder=encoder, tilt=Tilt(0.0, 0.3))
     speed = np.diff(run.log.q, axis=0, prepend=run.log.q[:1]) / 1e-3
     felt, keep = [np.zeros(2)], np.exp(-2 * np.pi * 50.0 * 1e-3)
     for one in speed[1:]:
@@ -278,7 +261,7 @@ def test_velocities_from_differences_are_those_of_the_encoder_through_the_filter
 
 
 def test_an_integral_brings_the_arm_to_its_place_and_rests_at_the_limit():
-    robot = two_links()
+    robot = two_link_arm()
     light = CONTROLLERS.make("pid", {"integral_hz": 1.0})
     kinds = {"payload": Payload(2.0, (0.2, 0, 0)), "lead_in": 0.0}
     model = DynamicModel(robot)
@@ -295,7 +278,7 @@ def test_an_integral_brings_the_arm_to_its_place_and_rests_at_the_limit():
 
 def test_a_cascade_is_its_loops():
     part = CONTROLLERS.make("cascade", {"rate": 1000.0, "position_ticks": 4, "current_hz": None, "speed_hz": 8.0})
-    robot = two_links()
+    robot = two_link_arm()
     run, gravity = controlled(part, robot, wave(2))
     first = wave(2).evaluate([0.0])[0]
     inertia = np.diagonal(batched.mass_matrix(robot.chain, robot.nominal, first)[0] + robot.reflected_inertia)
@@ -307,7 +290,7 @@ def test_a_cascade_is_its_loops():
 
 
 def test_computed_torque_is_the_inverse_dynamics_of_what_is_believed():
-    robot = two_links(np.array([[1.0, 0.0], [0.6, 1.0]]))
+    robot = two_link_arm(coupling=np.array([[1.0, 0.0], [0.6, 1.0]]))
     model = DynamicModel(robot, ("coulomb", "viscous"))
     theta, belief = with_friction(model, [2.0, 3.0]), with_friction(model, [1.5, 2.5])
     belief[:20] *= 1.1
@@ -333,7 +316,7 @@ def test_every_controller_tracks_with_sensors_that_are_not_perfect(name):
     theta = with_friction(model, [2.0, 3.0])
     encoder = Encoder((2e-5,), (2e-6,), velocity="difference", filter_hz=150.0)
     part = CONTROLLERS.make(name, {"delay_s": 5e-4, "feedforward": "model"})
-    run = go(model, theta, wave(6, 0.15), 2.0, controller=part, encoder=encoder)
+    run = go(model, theta, wave(6, size=0.15), 2.0, controller=part, encoder=encoder)
     assert np.all(run.tracking_error() < 5e-3)
     for option in CONTROLLERS.options(name):
         if option.kind.startswith("float"):
@@ -344,7 +327,7 @@ def test_every_controller_tracks_with_sensors_that_are_not_perfect(name):
 
 
 def test_a_loop_that_cannot_be_held_is_reported():
-    robot = two_links()
+    robot = two_link_arm()
     wild = CONTROLLERS.make("pd", {"bandwidth_hz": 400.0})
     with pytest.raises(SolverFailed, match=r"the motion is lost at .* s; give a lower bandwidth"):
         go(DynamicModel(robot), robot.nominal, wave(2), 5.0, controller=wild)
@@ -355,7 +338,7 @@ def test_a_loop_that_cannot_be_held_is_reported():
 
 @pytest.fixture(scope="module")
 def recorded():
-    model = DynamicModel(two_links(), ("coulomb", "viscous"))
+    model = DynamicModel(two_link_arm(), ("coulomb", "viscous"))
     theta = with_friction(model, [2.0, 3.0])
 
     def make(**cell):
@@ -392,7 +375,7 @@ def test_torques_lag_or_come_from_behind_the_gears(recorded):
     np.testing.assert_allclose(late.log.torque[3:], late.truth.torque[:-3], atol=1e-9)
     link = recorded(effort=Effort(side="link", held="after"))
     bodies = batched.inverse_dynamics(
-        two_links().chain, two_links().nominal, link.truth.q, link.truth.dq, link.truth.ddq
+        two_link_arm().chain, two_link_arm().nominal, link.truth.q, link.truth.dq, link.truth.ddq
     )
     np.testing.assert_allclose(link.log.torque, bodies, atol=1e-9)
 
@@ -411,7 +394,7 @@ def test_a_held_torque_is_logged_as_the_mean_of_before_and_after_it_jumps(record
 
 
 def test_a_sensor_behind_the_gear_feels_the_mean_of_both_accelerations():
-    model = DynamicModel(two_links(), ("coulomb", "viscous"))
+    model = DynamicModel(two_link_arm(), ("coulomb", "viscous"))
     theta = with_friction(model, [2.0, 3.0])
     run = simulate_cell(model, theta, wave(2), Cell(lead_in=0.5, effort=Effort(side="link")), duration=2.0)
     truth, chain = run.truth, model.robot.chain
@@ -426,7 +409,7 @@ def test_a_sensor_behind_the_gear_feels_the_mean_of_both_accelerations():
 @pytest.mark.parametrize(
     ("cell", "message"),
     [
-        (lambda: Cell(elasticity=Elasticity((1e4, 0.0))), "joint1 has none beside elastic joints"),
+        (lambda: Cell(elasticity=Elasticity((1e4, 0.0))), "elbow has none beside elastic joints"),
         (lambda: Cell(encoder=Encoder(noise=(1.0, 2.0, 3.0))), r"encoder.noise = \[1.0, 2.0, 3.0\] is not possible"),
         (lambda: Cell(effort=Effort(noise=(-1.0,))), "effort.noise = .* give finite numbers, 0 or more"),
         (lambda: Cell(recorder=Recorder(rate=0.0)), "recorder.rate = 0.0 is not possible; give a number above 0"),
@@ -441,13 +424,13 @@ def test_a_sensor_behind_the_gear_feels_the_mean_of_both_accelerations():
     ],
 )
 def test_what_no_cell_can_be_is_refused(cell, message):
-    robot = two_links()
+    robot = two_link_arm()
     with pytest.raises(BadOption, match=message):
         go(DynamicModel(robot), robot.nominal, wave(2), **vars(cell()))
 
 
 def test_a_sharp_sign_needs_bristles_and_springs_need_rotors():
-    model = DynamicModel(two_links(), (Coulomb(0.0),))
+    model = DynamicModel(two_link_arm(), (Coulomb(0.0),))
     with pytest.raises(BadOption, match=r"a sharp sign cannot be integrated; give it a width, .* or the cell bristles"):
         go(model, with_friction(model, [1.0]), wave(2))
     bare = rail(rotor=0.0)

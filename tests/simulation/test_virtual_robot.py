@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from true_parameters import with_friction
+from small_arms import body, two_link_arm, wave, with_friction
 
 from dynident.data.log import torque_from_current
 from dynident.errors import BadOption, NotConsistent, SolverFailed, UnknownChoice
@@ -16,8 +16,7 @@ from dynident.excitation.trajectories.quintic import Quintic
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
-from dynident.model.inertia import Inertia
-from dynident.model.joint import Drive, Joint, JointLimits, Mimic
+from dynident.model.joint import Drive, Joint, JointLimits
 from dynident.model.kernels import batched
 from dynident.model.robot import Link, Robot
 from dynident.robot_files import read_robot
@@ -29,57 +28,15 @@ from presliding import Presliding
 FOUR = ("coulomb", "viscous", "offset", "rotor_inertia")
 
 
-def body(mass, centre, moments):
-    return Inertia.from_centre_of_mass(mass, centre, np.diag(moments))
-
-
 def slider(mass=2.0):
     """Return a mass on a vertical rail."""
     joint = Joint("rail", "prismatic", -1, np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0]))
     return Robot("slider", (Link("mass", body(mass, [0, 0, 0], [1, 1, 1])),), (joint,))
 
 
-def two_link_arm(**drive):
-    """Return two links that swing about y, the second coupled to both motors if a coupling is given."""
-    links = (
-        Link("upper", body(4, [0.2, 0, 0.01], [0.02, 0.06, 0.06])),
-        Link("lower", body(2, [0.15, 0.02, 0], [0.01, 0.03, 0.03])),
-    )
-    y = np.array([0.0, 1.0, 0.0])
-    joints = (
-        Joint("shoulder", "revolute", -1, np.eye(3), np.zeros(3), y, drive=Drive(100.0, 1e-5)),
-        Joint("elbow", "revolute", 0, np.eye(3), np.array([0.4, 0, 0]), y, drive=Drive(50.0, 1e-5)),
-    )
-    return Robot("two-link", links, joints, **drive)
-
-
 def er16():
     """Return the article's robot, joints 4-6 locked."""
     return read_robot("er16").locked(LOCKED)
-
-
-def mimic_arm():
-    """Return an arm whose third link follows the second joint at -0.5 times its angle."""
-    base = two_link_arm()
-    follower = Joint(
-        "wrist",
-        "revolute",
-        1,
-        np.eye(3),
-        np.array([0.3, 0, 0]),
-        np.array([0.0, 1.0, 0.0]),
-        mimic=Mimic("elbow", -0.5, 0.1),
-    )
-    return replace(
-        base,
-        links=(*base.links, Link("hand", body(1, [0.1, 0, 0], [0.01, 0.01, 0.01]))),
-        joints=(*base.joints, follower),
-    )
-
-
-def wave(joints, seed=0, size=0.2, period=5.0):
-    sine, cosine = size * np.random.default_rng(seed).normal(size=(2, joints, 3))
-    return FourierSeries(np.linspace(-0.3, 0.4, joints), sine, cosine, period)
 
 
 def free_motion(model, theta, q, dq, duration, feedforward="none"):
@@ -175,18 +132,6 @@ def test_the_compiled_loop_is_the_plain_loop():
     truth = run.truth
     for got, want in zip((truth.q, truth.dq, truth.ddq, truth.torque), np.moveaxis(expected[::2], 1, 0), strict=True):
         np.testing.assert_allclose(got, want, rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["generic-6r", "generic-scara", "coupled", "mimic"])
-def test_inverse_dynamics_along_the_truth_give_the_applied_torque(name):
-    coupled = np.array([[1.0, 0.0], [-0.5, 1.2]])
-    made = {"coupled": lambda: two_link_arm(coupling=coupled), "mimic": mimic_arm}
-    robot = made.get(name, lambda: read_robot(name))()
-    model = DynamicModel(robot, FOUR)
-    theta = with_friction(model, [1.5, 0.9, 0.2, 0.05])
-    truth = simulate(model, theta, wave(robot.dof, size=0.1), timing=Timing(duration=1.0, lead_in=0.5)).truth
-    again = model.torque(Motion(truth.q, truth.dq, truth.ddq), theta)
-    np.testing.assert_allclose(again, truth.torque, rtol=1e-9, atol=1e-9)
 
 
 def test_the_articles_robot_follows_its_excitation():

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from dynident import Inertia, read_robot
 from dynident.model.joint import rotation_about
 from dynident.robot_files import shipped_robots
-from dynident.studio.kinds import kind_of
 from dynident.studio.preview import curves, decimated
 from dynident.studio.scene import ellipsoid, scene_of
 
@@ -116,27 +115,3 @@ def test_no_peak_is_lost(values: list[float], buckets: int) -> None:
 def test_gaps_of_a_curve_stay_gaps() -> None:
     curve = decimated(np.full(100, np.nan), 10)
     assert curve["y"] == [None] * 10
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "kind"),
-    [
-        ("a.urdf", "<?xml version='1.0'?><robot name='x'/>", "robot"),
-        ("a.xml", "<mujoco/>", "robot"),
-        ("a.yaml", "case: 1\nrobot: er16\n", "case"),
-        ("b.yaml", "case: 1\nrobot: [er16\n", "case"),
-        ("c.yaml", "joints:\n  - name: a\n", "robot"),
-        ("d.yaml", "x: 1\n", "other"),
-        ("a.json", '{"kind": "dynident plan"}', "plan"),
-        ("b.json", '{"kind": "dynident estimate"}', "estimate"),
-        ("c.json", "{}", "other"),
-        ("a.csv", "t,q1\n", "log"),
-        ("a.html", "", "report"),
-        ("a.STL", "", "mesh"),
-        ("a", "", "other"),
-    ],
-)
-def test_a_file_is_known_by_what_is_in_it(tmp_path: Path, name: str, text: str, kind: str) -> None:
-    path = tmp_path / name
-    path.write_text(text)
-    assert kind_of(path, path.stat().st_mtime_ns, path.stat().st_size) == kind

@@ -19,8 +19,7 @@ from dynident import FourierSeries, read_robot
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.model.joint import joint_pose
 from dynident.studio import views
-
-DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
+from real_data import real
 
 STAGES = ("robot", "log", "case", "check", "excite", "identify", "results", "compare", "session")
 
@@ -503,11 +502,17 @@ REAL = [
 @pytest.mark.battery
 @pytest.mark.parametrize(("name", "train", "test", "gains", "worst"), REAL, ids=[one[0] for one in REAL])
 def test_the_main_path_on_a_real_set(
-    page: Any, running: Any, client: Any, name: str, train: list[str], test: list[str], gains: list[float], worst: float
+    page: Any,
+    running: Any,
+    client: Any,
+    name: str,
+    train: list[str],
+    test: list[str],
+    gains: list[float],
+    worst: float,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    folder = DATA / name
-    if not folder.is_dir():
-        pytest.skip(f"no folder {folder.name} under DYNIDENT_DATA or ../shared/data")
+    folder = real(name, monkeypatch)
     walk, begin = Walk(page), time.monotonic()
     page.choose_files("section:not([hidden]) input[type=file]", folder / "robot.urdf")
     page.until("document.querySelector('#robot-choice').value === 'robot.urdf'")

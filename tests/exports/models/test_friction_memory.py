@@ -7,7 +7,6 @@ own (observer, compensation), steps that a simulator takes back, and the same on
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Callable
 from importlib.util import find_spec
 from itertools import accumulate, pairwise
@@ -28,6 +27,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.model.friction import Motion
 from dynident.model.friction.presliding import Presliding
 from dynident.model.robot import Robot
+from real_data import real
 
 PARTS = ("coulomb", "viscous", "load", "presliding", Presliding(6e-3, 0.4, 2))
 
@@ -121,11 +121,9 @@ def test_torques_along_a_motion_are_those_of_the_model(
 @pytest.mark.battery
 @pytest.mark.parametrize("way", WAYS)
 def test_torques_along_a_real_log_are_those_of_the_model(
-    way: Callable[[Estimate, Motion, Path], Array], tmp_path: Path
+    way: Callable[[Estimate, Motion, Path], Array], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = Path(os.environ.get("DYNIDENT_DATA") or "no such folder") / "panda_gaz2019"
-    if not folder.is_dir():
-        pytest.skip("DYNIDENT_DATA names no folder with the real logs")
+    folder = real("panda_gaz2019", monkeypatch)
     case = read_case(Path(__file__).parents[3] / "examples" / "cases" / "panda.yaml")
     log = preprocess(case.read(str(folder / "exciting_traj_1.csv")), case.preprocessing).log
     assert log.dq is not None and log.ddq is not None

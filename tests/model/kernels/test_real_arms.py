@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +10,8 @@ import pytest
 from dynident.model.kernels import batched
 from dynident.model.kernels.batched import JointColumns
 from dynident.robot_files import read_robot
+from real_data import real
 
-DATA = Path(os.environ.get("DYNIDENT_DATA", Path(__file__).resolve().parents[4] / "shared" / "data"))
 ARMS = (
     "kuka_lwr4_flobaroid/robot.urdf",
     "panda_gaz2019/robot.urdf",
@@ -24,10 +22,8 @@ ARMS = (
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_a_described_arm_moves_as_in_pinocchio(name: str, kernel: str) -> None:
-    path = DATA / name
-    if not path.is_file():
-        pytest.skip(f"{path} is not there; set DYNIDENT_DATA to the folder of the reference data")
+def test_a_described_arm_moves_as_in_pinocchio(name: str, kernel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = real(name, monkeypatch)
     pin: Any = pytest.importorskip("pinocchio")
     robot, model = read_robot(path), pin.buildModelFromUrdf(str(path))
     chain, data = robot.chain, model.createData()
