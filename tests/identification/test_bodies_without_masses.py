@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arm_models import without_inertias
 from dynident.data.log import Log
-from dynident.data.preprocessing import Preprocessing, preprocess
+from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.exports.models import export_model
 from dynident.identification.build_problem import PriorKnowledge, build_problem
@@ -22,8 +21,6 @@ from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.fit import fit
 from dynident.identification.problem.problem import Problem
-from dynident.identification.selection.friction.column_pool import PooledLogs
-from dynident.identification.selection.friction.held_out_errors import HeldOut
 from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
@@ -161,30 +158,3 @@ def test_rotors_are_no_matter_of_links(tmp_path: Path, exact_log: MakeLog, parts
         assert any(
             line.startswith(f"size of {sizes[0]}: the data contradict") for line in plausibility_lines(found, None)
         )
-
-
-@pytest.mark.parametrize("more", [0.0, 1.0])
-def test_held_out_samples_are_predicted_as_well_without_masses(
-    spatial_3r: Robot, exact_motion: Callable[..., Motion], more: float
-) -> None:
-    """The guess of the bodies is too small on two arms, more so with large moments: it holds nothing that rows tell."""
-    arms = [(arm, 3 * k) for k, arm in enumerate((spatial_3r, spatial_3r))]
-    joints = [
-        replace(own, name=f"{own.name}.{at}", parent=own.parent + at * (own.parent >= 0))
-        for arm, at in arms
-        for own in arm.joints
-    ]
-    links = [replace(own, name=f"{own.name}.{at}") for arm, at in arms for own in arm.links]
-    whole = DynamicModel(Robot("pair", tuple(links), tuple(joints), spatial_3r.gravity), ("coulomb", "viscous"))
-    theta = np.append(whole.robot.nominal, np.ones(12))
-    theta[[10 * k + i for k in range(6) for i in (0, 3, 5)]] += more
-    time = np.arange(1500) / 50.0
-    motion, noise = exact_motion(6, time, 0.3, seed=3), 0.5 * np.random.default_rng(0).normal(size=(1500, 6))
-    torque = whole.torque(motion, theta) + noise
-    log = Log(whole.robot.joint_names, time, motion.q, motion.dq, motion.ddq, torque=torque)
-    errors = []
-    for robot in (whole.robot, without_inertias(whole.robot)):
-        model = replace(whole, robot=robot)
-        pool = PooledLogs(model, [preprocess(log, GIVEN)], 16).pool(model.friction)
-        errors += HeldOut.of(pool, parts := [[0, 1]] * 6, [parts]).errors()
-    assert np.mean(errors[1]) < np.mean(errors[0]) + 1e-3

@@ -15,9 +15,6 @@ from dynident.model.inertia import Inertia
 #: How tightly the prior holds: its standard deviation is 1 / sqrt(PULL) natural sizes, ten of them.
 PULL = 0.01
 
-#: Where the sizes of bodies come from that no robot model states.
-GUESSED = "balls that explain the size of the torques"
-
 
 @dataclass(frozen=True)
 class BodyPrior:
@@ -112,7 +109,7 @@ def natural_scale(model: DynamicModel, torque: Array, acceleration: Array, prior
         total = float(np.max(torque / np.maximum(pull, 1e-12)))
         mass = np.full(len(robot.links), max(total, 1e-6) * 2.0 / len(robot.links))
         known = [Inertia(m, np.zeros(3), 0.4 * m * s**2 * np.eye(3)) for m, s in zip(mass, length, strict=True)]
-        source = GUESSED
+        source = "balls that explain the size of the torques"
     sizes = parameter_sizes(model, mass, length, torque)
     return Scale(mass, length, sizes, np.concatenate([*(body.vector for body in known), tail]), source)
 
@@ -152,15 +149,13 @@ def link_lengths(model: DynamicModel) -> Array:
 
 
 def prior_products(base: BaseParameters, scale: Scale) -> Array:
-    """Return [I, beta0]' P [I, beta0] of a prior of bodies alone, shape (b + 1, b + 1).
+    """Return [I, beta0]' P [I, beta0] of a prior of bodies alone that is one natural size wide, shape (b + 1, b + 1).
 
-    It is one natural size wide, ten where that is a guess: links may have a hundred times the moments of such balls,
-    and friction that grows with the torque then took up what a narrow prior kept from the bodies. Free bodies do not
-    stand for those of an estimate, which are held near the robot model's: what is left of the torque for friction is
-    another one where the rows do not tell them. P is the inverse of the covariance of base parameters.
+    Free bodies do not stand for those of an estimate, which are held near the robot model's: what is left of the torque
+    for friction is another one where the rows do not tell them. P is the inverse of the covariance of base parameters.
     """
     factor = base.matrix * scale.parameters
     size = np.sqrt(np.sum(factor**2, axis=1))
     precision = np.linalg.inv(factor @ factor.T / np.outer(size, size)) / np.outer(size, size)
     known = np.column_stack([np.eye(base.count), base.from_standard(scale.prior)])
-    return (PULL if scale.source == GUESSED else 1.0) * known.T @ precision @ known
+    return known.T @ precision @ known
