@@ -137,16 +137,22 @@ def unpredicted(fit: QuickFit, known: Sequence[Blame] = ()) -> dict[int, tuple[f
         Of each joint, by its number, the root mean square of the model's error over that of the constant, and the share
         of the variance about the constant that the regression leaves.
     """
+    if not (lost := fit.relative > LOST).any():
+        return {}
     held, reading = HeldOutErrors(fit), as_stated(fit)
-    for blame in known:
-        reading = _with_cause(reading, blame)
+    errors = held.plain
+    for blame in known:  # one that predicts unseen samples worse explains nothing
+        taken = _with_cause(reading, blame)
+        lower = held.errors(taken)
+        if held.difference(lower, errors)[0] > 0.0:
+            reading, errors = taken, lower
     motion = motion_of(fit.rows.prepared.kept)
     q, dq, ones = np.asarray(motion.q), np.asarray(motion.dq), np.ones((len(fit.rows.torque), 1))
     by_motion = np.hstack([ones, np.sin(q), np.cos(q), dq, np.sign(dq), np.asarray(motion.ddq)])
     plain = _regression(fit, ones)
-    model, constant = (held.errors(each).sum(axis=0) for each in (reading, plain))
+    model, constant = errors.sum(axis=0), held.errors(plain).sum(axis=0)
     worst = np.max(model / np.maximum(constant, 1e-300))  # a joint that is not explained spoils others a little
-    worse = np.flatnonzero(model > (1.0 if worst > 1.0 else LOST**2) * constant).tolist()
+    worse = np.flatnonzero(lost & (model > (1.0 if worst > 1.0 else LOST**2) * constant)).tolist()
     if not worse:
         return {}
     left, whole = (_by_stretches(each) for each in (_regression(fit, by_motion), plain))
