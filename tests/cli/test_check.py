@@ -213,7 +213,7 @@ def test_notes_of_one_kind_about_several_joints_are_told_once(capsys: pytest.Cap
     errors = [Finding("error", "torque sign", joint, "is negative", "turn it") for joint in ("j1", "j2")]
     check.show(Examination("run.csv", (*errors, *curves)))
     assert capsys.readouterr().out.splitlines() == [
-        "run.csv: 2 errors, 2 notes",
+        "run.csv: 2 errors, 1 note",
         *(line for joint in ("j1", "j2") for line in (f"  error: torque sign ({joint}): is negative", "    turn it")),
         "  note: friction curve (j2, j1), at j2: bends by j2",
         "    add parts",

@@ -76,6 +76,16 @@ def test_logs_of_one_robot_are_alike(trials: list[Trial], tmp_path: Path) -> Non
     assert 0.5 < found.ratios.min() and found.ratios.max() < 1.5
 
 
+def test_a_short_log_beside_longer_ones_is_a_note(trials: list[Trial], tmp_path: Path) -> None:
+    """A right log of 600 s and one of 1.6 s had not been accepted."""
+    case, first = trials[0].case, trials[0]
+    part = first.with_columns(**{name: values[:150] for name, values in first.columns.items()})
+    apart = part.with_columns(tau=2.0 * part.columns["tau"])
+    for logs, severity in (([trials[1], part], []), ([trials[1], apart], ["note"]), ([part, part], ["error"])):
+        found = examine_logs(case, written(logs, tmp_path))
+        assert [one.severity for one in found[1].findings if one.name == "short log"] == severity
+
+
 def at_rest(trial: Trial, joints: tuple[int, ...]) -> Trial:
     """Return a log with joints that stay where they are; their torques are not those of a rest."""
     q, dq = trial.columns["q"].copy(), trial.columns["dq"].copy()

@@ -130,11 +130,12 @@ def show(examination: Examination) -> None:
 
     labels = {finding.label for finding in examination.findings if not finding.beside}
     alone = [finding for finding in examination.findings if finding.beside not in labels]
-    counts = {word: sum(finding.severity == word for finding in alone) for word in ("error", "warning", "note")}
+    groups = _alike(alone, {finding.beside for finding in examination.findings})
+    counts = {word: sum(finding.severity == word for finding, *_ in groups) for word in ("error", "warning", "note")}
     told = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for word, count in counts.items() if count)
     calm = "no error or warning, " if {finding.severity for finding in alone} == {"note"} else ""
     console.answer(f"{examination.path}: {calm}{told or 'nothing found'}")
-    for finding, *alike in _alike(alone, {finding.beside for finding in examination.findings}):
+    for finding, *alike in groups:
         joints = dict.fromkeys(", ".join(each.joint for each in (finding, *alike)).split(", "))
         label = f"{finding.name} ({', '.join(joints)}), at {finding.joint}" if alike else finding.label
         console.answer(f"  {finding.severity}: {label}: {finding.evidence}")

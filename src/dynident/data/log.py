@@ -103,8 +103,9 @@ class Log(ShortText):
 
     @cached_property
     def rate(self) -> float:
-        """Samples per second by the median step, in Hz."""
-        return 1.0 / float(np.median(np.diff(self.time)))
+        """Samples per second by the median step, in Hz; of the steps above 0 where most stamps repeat."""
+        steps = np.diff(self.time)
+        return 1.0 / float(np.median(steps) or np.median(steps[steps > 0]))
 
     @cached_property
     def resolution(self) -> Array:

@@ -18,7 +18,7 @@ from dynident.diagnosis.case_lines import with_case_line
 from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, alike_parts, pooled_logs, unlike_finding
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.checks import CHECKS, Check, CheckedLog
-from dynident.diagnosis.finding import Finding, Severity, ordered
+from dynident.diagnosis.finding import SHORT, Finding, Severity, ordered
 from dynident.diagnosis.recording import Recording, read_recording
 from dynident.diagnosis.repair import Repaired, repair
 from dynident.errors import DynidentError, LogFormatError, LogMismatch
@@ -187,6 +187,7 @@ def examine_recordings(
     last = [check for check in checks if check.stage == _STAGES[-1]]
     parts = [_of_fits(last, group) for group in _groups([one for one in seen if not one.left_out])]
     _compare(case, parts)
+    _tell_short_beside_others(seen)
     more: list[Examination] = []
     for part in parts:
         if part.together:
@@ -356,6 +357,18 @@ def _tell_moved_by_others(seen: Sequence[_ExaminedLog], moved: Callable[[set[str
                 one.found[k] = Finding("note", RESTS, found.joint, evidence, remedy, numbers, explains)
         if not any(found.severity == "error" and found.name not in _MENDABLE for found in one.found):
             one.left_out, one.rests = "", frozenset(rests)
+
+
+def _tell_short_beside_others(seen: Sequence[_ExaminedLog]) -> None:
+    """Make a note of a log that is too short for a fit where others that are learned from are not: these carry it."""
+    too_short = [any(found.name == SHORT for found in one.found) for one in seen]
+    if not any(one.learns and not (short or one.left_out) for one, short in zip(seen, too_short, strict=True)):
+        return
+    for one in seen:
+        for k, found in enumerate(one.found):
+            if found.name == SHORT:
+                remedy = "the other logs carry the fit; causes of its own are not looked for in so few samples"
+                one.found[k] = replace(found, severity="note", remedy=remedy)
 
 
 def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Finding]) -> list[Finding]:

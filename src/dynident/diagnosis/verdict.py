@@ -177,7 +177,8 @@ def quality_of(estimate: Estimate) -> Sequence[Mapping[str, Any]] | None:
 
 def is_too_short(estimate: Estimate) -> bool:
     """Return whether logs of an estimate are too short for one: what else is wrong, they do not tell."""
-    return any(found["name"] == SHORT for each in quality_of(estimate) or () for found in each["findings"])
+    told = (found for each in quality_of(estimate) or () for found in each["findings"])
+    return any(found["name"] == SHORT and found["severity"] != "note" for found in told)
 
 
 def _left_in_full(train: Validation) -> dict[str, float]:

@@ -129,7 +129,7 @@ def _held(subject: CheckedLog) -> list[Finding]:
     """Positions that messages are missing of: the last one is repeated while the joint moves on, and then it jumps."""
     log = subject.sound.log
     cutoff = subject.case.preprocessing.filter.bandwidth() or CUTOFF_HZ
-    lag = max(1, round(1.0 / (2.0 * cutoff * float(np.median(np.diff(log.time)))))) if len(log.time) > 1 else 1
+    lag = max(1, round(log.rate / (2.0 * cutoff))) if len(log.time) > 1 else 1
     places, shares = [held_at(log.time, column) for column in log.q.T], np.zeros(log.q.shape[1])
     for i, (begins, ends) in enumerate(places):
         if len(begins) and len(log.time) > 3 * lag:

@@ -48,6 +48,6 @@ class TorqueDelay(Check):
             evidence = evidence if is_late else f"torques have no delay (+- {1e3 * Z95 * std:.2g} ms)"
             evidence += f", and {1e3 * stated:.3g} ms are taken off"
         remedy = "compensate it (preprocessing: delay_s: auto)"
-        if stated and subject.earlier is not None:
+        if subject.earlier is not None:
             remedy = "record it as the logs of the fit were, or fit logs of both with preprocessing: delay_s: auto"
         return [Finding("warning" if harm > HARM else "note", "torque delay", "", evidence, remedy, numbers)]
