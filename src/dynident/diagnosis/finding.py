@@ -22,6 +22,9 @@ SHORT = "short log"
 #: Name of the finding of joints whose torque the model predicts worse than a constant.
 UNEXPLAINED = "torque not explained"
 
+#: Share of a joint's residual variance that a cause explains, from which the result suffers of it.
+EXPLAINED = 0.5
+
 #: Share of the variation of a joint's torque, root mean squares, from which next to nothing of it is explained.
 LOST = 0.75
 

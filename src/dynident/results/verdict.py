@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dynident.diagnosis.causes.trend_findings import EXPLAINED
+from dynident.diagnosis.finding import EXPLAINED
 from dynident.diagnosis.new_log import NewLog, Quality
 from dynident.diagnosis.verdict import (
     ACCEPTED,

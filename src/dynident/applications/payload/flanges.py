@@ -57,18 +57,15 @@ def chosen_end(ends: Sequence[str], gains: Sequence[float]) -> tuple[str, list[s
     return ends[best], [f"{text}{gains[best]:.3g}, {', '.join(np.delete(others, best))} (another: --flange NAME)"]
 
 
-def second_load(robot: Robot, ends: Sequence[str], gains: Sequence[float]) -> list[str]:
-    """Return whether ends of branches that have no joint in common with the one that carries the load may have one too.
+def second_load(robot: Robot, chosen: str, ends: Sequence[str], gains: Sequence[float]) -> list[str]:
+    """Return whether ends of branches that have no joint in common with the chosen one may carry a load as well.
 
     What a load at one of these lowers the weighted squares by, one at the other does not.
     """
-    best, places = int(np.argmax(gains)), (CarriedBody(1.0, frame=name).place(robot)[0] for name in ends)
-    carriers = [set(robot.carriers(place)) for place in places]
-    also = [
-        name
-        for k, name in enumerate(ends)
-        if gains[k] > max(BY_NOISE, SECOND * gains[best]) and not carriers[k] & carriers[best]
-    ]
+    carriers = {name: set(robot.carriers(CarriedBody(1.0, frame=name).place(robot)[0])) for name in ends}
+    least = max(BY_NOISE, SECOND * max(gains))
+    pairs = zip(ends, gains, strict=True)
+    also = [name for name, gain in pairs if gain > least and not carriers[name] & carriers[chosen]]
     return [f"a load at {name} as well lowers the weighted squares: weigh it by --flange {name}" for name in also]
 
 

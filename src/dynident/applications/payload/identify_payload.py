@@ -114,7 +114,7 @@ def identify_payload(
     }
     gains_of = [run.gain() for run in runs.values()] if len(runs) > 1 else [0.0]
     frame, remarks = chosen_end(ends, gains_of)
-    remarks = [] if flange else [*remarks, *second_load(robot, ends, gains_of), *frames_beside(robot, frame)]
+    remarks = [] if flange else [*remarks, *second_load(robot, frame, ends, gains_of), *frames_beside(robot, frame)]
     names, fit = tuple(log.name for log in logs), runs[frame].solve()
     if known.mass is None:
         return stated(fit, estimate, frame, level, names, tuple(remarks))

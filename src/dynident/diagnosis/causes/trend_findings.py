@@ -16,13 +16,13 @@ from dynident.diagnosis.causes.position_spectrum import RIPPLE
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends
-from dynident.diagnosis.finding import Finding, Severity
+from dynident.diagnosis.finding import EXPLAINED, Finding, Severity
 from dynident.model.friction import FRICTION
 from dynident.model.joint import Joint
 
-#: Share of a joint's residual variance that a cause explains, and share of the joint's torque, or of all torques where
-#: it acts on the whole arm or on what all bodies behind a joint are, that it has, from which the result suffers.
-EXPLAINED, MATTERS, MATTERS_ALL = 0.5, 0.1, 0.03
+#: Share of the joint's torque that a cause has, or of all torques where it acts on the whole arm or on what all bodies
+#: behind a joint are, from which the result suffers.
+MATTERS, MATTERS_ALL = 0.1, 0.03
 OF_BODIES = ZERO, SCALE
 
 #: A scale of one torque further off one is that of another check.

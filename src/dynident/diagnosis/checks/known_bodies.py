@@ -75,14 +75,12 @@ def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: st
         for one in trends.blames
         if one.cause.name in FREE and (one.cause.name != SCALE or believed(one, subject.trend_scale) is not None)
     }
-    every, common = against.blames, list[Finding]()
-    if isinstance(known, NominalBodies):
-        common = _unit(against) if subject.known is None else []
-        if common:
-            return common
-        common = _common(against, words)
-    frames, blames = standing(trends, every)
-    left_out = FREE_ALONE + (FREE_OF_MODELS if isinstance(known, NominalBodies) else ())
+    is_model = isinstance(known, NominalBodies)
+    if is_model and subject.known is None and (unit := _unit(against)):
+        return unit
+    common = _common(against, words) if is_model else []
+    frames, blames = standing(trends, against.blames)
+    left_out = FREE_ALONE + (FREE_OF_MODELS if is_model else ())
     return [*common, *frames] + [
         _finding(each, None if each is blame else blame, against, words)
         for blame in blames

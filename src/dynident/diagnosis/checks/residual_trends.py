@@ -13,7 +13,6 @@ from dynident.diagnosis.causes.gravity_direction import LEAN
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import GAIN, SURE, held_out_gain
 from dynident.diagnosis.causes.trend_findings import (
-    EXPLAINED,
     TRENDS,
     believed,
     is_narrow,
@@ -23,7 +22,7 @@ from dynident.diagnosis.causes.trend_findings import (
 )
 from dynident.diagnosis.causes.trends import DELAY
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.finding import EXPLAINED, Finding
 
 #: Share of a joint's residual variance that a delay of its torque alone explains from which the result suffers (right
 #: logs have no such delay, whatever their friction), and share of its torque from which the result is wrong.

@@ -20,6 +20,9 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 
+#: Reasons that are told in a line.
+TOLD = 3
+
 
 def broken_conditions(model: DynamicModel, theta: Array) -> tuple[str, ...]:
     """Return which conditions of physical consistency standard parameters (p,) break, in words."""
@@ -107,5 +110,5 @@ def _friction_of(model: DynamicModel, base: BaseParameters, beta: Array) -> Arra
 
 def describe_reasons(reasons: Sequence[str]) -> str:
     """Return the first reasons in one line."""
-    more = f" and {len(reasons) - 3} more" if len(reasons) > 3 else ""
-    return "; ".join(reasons[:3]) + more
+    more = f" and {len(reasons) - TOLD} more" if len(reasons) > TOLD else ""
+    return "; ".join(reasons[:TOLD]) + more

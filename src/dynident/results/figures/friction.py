@@ -8,6 +8,9 @@ from dynident.arrays import Array
 from dynident.results.figures.chart import Across, Cloud, Line, Plot, chart
 from dynident.results.text import label, pretty_unit
 
+#: Even speeds of a curve, and as many near zero.
+POINTS = 241
+
 
 def friction_chart(
     drive: str,
@@ -39,6 +42,6 @@ def speed_grid(speed: Array) -> Array:
     if not len(speed):
         return np.zeros(0)
     low, high = float(np.min(speed)), float(np.max(speed))
-    even = np.linspace(low, high, 241)
-    near = 0.1 * max(abs(low), abs(high)) * np.linspace(-1, 1, 241) ** 3
+    even = np.linspace(low, high, POINTS)
+    near = 0.1 * max(abs(low), abs(high)) * np.linspace(-1, 1, POINTS) ** 3
     return np.unique(np.concatenate([even, near[(near >= low) & (near <= high)]]))
