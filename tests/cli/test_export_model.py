@@ -49,7 +49,7 @@ def test_the_proof_and_what_is_left_out_are_shown(capsys: Capture) -> None:
     row = re.search(r"^dynident +with the file beside it: everything +(\S+) +(\S+)$", shown, re.MULTILINE)
     assert row and max(map(float, row.groups())) < 1e-12  # nothing at all, or rounding
     left = r"left out of arm.urdf, and in arm.urdf.dynident.json:\n  joint1: F0 = 0\.\d+ N m; "
-    assert re.search(left + r"the file's torque is \S+ N m or N \(rms\) off the estimate's", shown)
+    assert re.search(left + r"torque of the file off by \S+ N m \(rms\)\n", shown)
     assert said == "saved arm.urdf\nsaved arm.urdf.dynident.json\n"
 
 

@@ -205,7 +205,7 @@ def test_two_logs_that_contradict_each_other_say_so(trials: list[Trial], tmp_pat
     assert len(found) == 2
     for one in found:
         (finding,) = [each for each in one.findings if each.name == "unlike other logs"]
-        assert finding.severity == "warning" and finding.evidence.startswith("no two logs agree")
+        assert finding.severity == "warning" and finding.evidence.startswith("the logs do not agree")
     one, other = (each.figures() for each in found)
     verdict = reason_of(Verdict((), (), True, logs_apart([one, other])))
     assert verdict.endswith("but logs that do not go with the others: run0.npz, run1.npz")

@@ -37,7 +37,7 @@ from dynident.model.joint import Joint
 from dynident.model.plausible import plausible_constraints, uniform_body
 from dynident.model.robot import Link, Robot
 from dynident.model.shapes import Sphere
-from dynident.results.plausibility import contradiction
+from dynident.results.plausibility import contradictions
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
 
@@ -240,7 +240,7 @@ def test_a_size_that_its_own_body_widens_gives_way_too(
         model, exact_log(true, theta, noise=0.01 * np.std(np.asarray(exact_log(true, theta).torque), axis=0))
     )
     assert [(one.name, one.bound, one.is_relaxed) for one in facts.contradicted] == [("link3", "wider size", True)]
-    assert contradiction(facts.contradicted[0]).startswith("wider size of link3: the data contradict it")
+    assert contradictions(facts.contradicted)[0].startswith("wider size of link3: the data contradict it")
 
 
 @pytest.mark.parametrize("shift", [0.1, 0.0])

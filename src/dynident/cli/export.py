@@ -280,7 +280,7 @@ def _show_model(export: ModelExport) -> None:
     parameters = f"standard parameters: {export.parameters}"
     console.answer(f"{label(export.robot)} to {export.exporter}: estimate of '{export.estimator}', {parameters}\n")
     if export.proofs:
-        table = proofs_table(export.proofs)
+        table = proofs_table(export.proofs, export.units.values())
         console.answer_table(table, table.note)
         for line in not_proved_lines(export.proofs):
             console.answer(line)

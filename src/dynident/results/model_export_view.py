@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from dynident.exports.models import ModelExport, Proof
 from dynident.results.text import MISSING, Column, Table, format_number, label
 
 
-def proofs_table(proofs: Sequence[Proof]) -> Table:
-    """Return the largest differences of torques by engine, those not asked with the reason."""
+def proofs_table(proofs: Sequence[Proof], units: Collection[str]) -> Table:
+    """Return the largest differences of torques, of some units, by engine, those not asked with the reason."""
     rows = []
     for proof in proofs:
         if proof.difference is None or proof.relative is None:
@@ -19,7 +19,7 @@ def proofs_table(proofs: Sequence[Proof]) -> Table:
     columns = (
         Column("loaded again by"),
         Column("compared"),
-        Column("difference", "N m or N", numeric=True),
+        Column("difference", " or ".join(sorted(set(units), reverse=True)), numeric=True),
         Column("relative", numeric=True),
     )
     states = max((proof.states for proof in proofs), default=0)
@@ -46,6 +46,6 @@ def left_out_lines(export: ModelExport) -> Iterator[str]:
     for joint, terms in by_joint.items():
         lost = export.neglected.get(joint)
         size = (
-            "" if lost is None else f"; the file's torque is {format_number(lost, 3)} N m or N (rms) off the estimate's"
+            "" if lost is None else f"; torque of the file off by {format_number(lost, 3)} {export.units[joint]} (rms)"
         )
         yield f"  {label(joint)}: {', '.join(terms)}{size}"

@@ -23,7 +23,7 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     is_default = estimate.options.get("bodies") == "auto"
     usual = "plausible links are the default: --bodies free, or bodies: free in the case, fits without their bounds"
     lines = [cost_line(test, is_default) or (usual if is_default else "")]
-    lines += map(contradiction, facts.contradicted)
+    lines += contradictions(facts.contradicted)
     if names := ", ".join(map(label, links_without_size(estimate.model.robot))):
         step = "give shapes in the robot model, or body: in the constraints"
         lines.append(f"no size known for {names}: taken from the nominal centre of mass; {step}")
@@ -146,14 +146,26 @@ def cost_line(test: Validation | None, is_default: bool) -> str:
     return f"{links}: test error {errors[0]}; with --bodies free {errors[1]}"
 
 
-def contradiction(found: ContradictedBound) -> str:
-    """Return how the data contradict a bound, and what became of it."""
-    fate = "its bound is relaxed" if found.is_relaxed else "the stated bound is kept: check it"
-    if found.bound != "mass" and found.is_relaxed:
-        fate += "; check the inertia of the link in the robot model, and its shapes (without any the size is assumed)"
-    numbers = f"chi-square {format_number(found.statistic, 3)} > {format_number(found.limit, 3)}"
-    gain = f"training error {format_number(100 * found.gain, 2)} % lower without the bound"
-    return f"{bound_name(found)}: the data contradict it ({numbers}; {gain}); {fate}"
+def contradictions(found: Sequence[ContradictedBound]) -> list[str]:
+    """Return which bounds the data contradict, and what became of them, those of one kind and fate in one line."""
+    alike: dict[tuple[str, bool], list[ContradictedBound]] = {}
+    for one in found:
+        alike.setdefault((one.bound, one.is_relaxed), []).append(one)
+    return [_contradiction(bound, is_relaxed, each) for (bound, is_relaxed), each in alike.items()]
+
+
+def _contradiction(bound: str, is_relaxed: bool, found: Sequence[ContradictedBound]) -> str:
+    most = max(found, key=lambda one: one.gain)
+    they, more = (("it", ""), ("them", f", most by {label(most.name)}"))[len(found) > 1]
+    bounds = "its bound is" if len(found) == 1 else "their bounds are"
+    fate = f"{bounds} relaxed" if is_relaxed else f"{bounds.replace('bound', 'stated bound')} kept: check {they}"
+    if bound != "mass" and is_relaxed:
+        fate += "; check inertia and shapes in the robot model (without shapes the size is assumed)"
+    numbers = f"chi-square {format_number(most.statistic, 3)} > {format_number(most.limit, 3)}"
+    gain = f"training error {format_number(100 * most.gain, 2)} % lower without the bound"
+    names = [TOTAL_MASS if one.name == TOTAL_MASS else label(one.name) for one in found]
+    subject = bound_name(found[0]) if len(found) == 1 else f"{bound} of {', '.join(names)}"
+    return f"{subject}: the data contradict {they} ({numbers}; {gain}{more}); {fate}"
 
 
 def bound_name(found: ContradictedBound) -> str:

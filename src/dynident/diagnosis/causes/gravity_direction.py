@@ -163,8 +163,8 @@ def mountings(fit: QuickFit) -> Iterator[Interpretation]:
         text, slow = ", ".join(f"{value + 0.0:.3g}" for value in factor * gravity), factor**-0.5
         evidence = f"with gravity of {factor * size:.3g} m/s^2, or a clock that runs {slow:.3g} times as fast as time,"
         remedy = (
-            f"check unit and rate of the time (multiplied by {1.0 / slow:.4g} it agrees), or state the size of gravity "
-            f"(gravity: [{text}])"
+            f"check unit and rate of the time (multiplied by {1.0 / slow:.4g} the log agrees with the robot model), or "
+            f"state the size of gravity (gravity: [{text}])"
         )
         numbers = {"factor": factor, "clock": slow}
         yield Interpretation(

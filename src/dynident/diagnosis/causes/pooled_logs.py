@@ -146,7 +146,7 @@ def unlike_finding(robot: Robot, ratios: Array, others_agree: bool, why: bool, i
     joint = int(np.argmax(times))
     others = "parameters of the other logs" if others_agree else "parameters that logs share"
     evidence = f"with {others} its residual is {times[joint]:.3g} times that with parameters of its own"
-    evidence = evidence if others_agree else f"no two logs agree: {evidence}"
+    evidence = evidence if others_agree else f"the logs do not agree: {evidence}"
     same = "load, mounting, gains, zeros and units"
     remedy = (
         f"make sure that {same} are those of the other logs, and that the friction model holds at its speeds; else "

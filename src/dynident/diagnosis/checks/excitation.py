@@ -69,11 +69,11 @@ def _short(subject: CheckedLog) -> list[Finding]:
         return []
     count, seconds, bandwidth = fit.base.count, subject.sound.log.duration, fit.how.filter.bandwidth() or 1.0
     evidence = (
-        f"its {seconds:.3g} s have {fit.values:.0f} independent torque values in motion below {bandwidth:.3g} Hz for "
-        f"{count} base parameters; a fit needs more than {ENOUGH * count:.0f}"
+        f"{seconds:.3g} s are too short for {count} base parameters: {fit.values:.0f} independent torque values in "
+        f"motion below {bandwidth:.3g} Hz, where a fit needs more than {ENOUGH * count:.0f}"
     )
     needed = GOOD * ENOUGH * count / (2.0 * bandwidth * len(subject.sound.log.joints)) + 2.0 * fit.how.trim_s
-    remedy = f"record at least {np.ceil(needed):.0f} s in which all joints move; no other cause is looked for before"
+    remedy = f"record at least {np.ceil(needed):.0f} s in which all joints move; other causes are looked for then"
     severity: Severity = "error" if fit.values < count else "warning"
     severity = "note" if subject.earlier is not None else severity
     numbers = {"seconds": seconds, "values": fit.values, "parameters": count, "needed_s": needed}

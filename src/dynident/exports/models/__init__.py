@@ -62,8 +62,7 @@ def export_model(
         estimate: The estimate.
         exporter: Name of an exporter, or a part with its options.
         path: The file to write; further files stand beside it.
-        description: The robot model to put the model into, for targets that are one; None takes the one that
-            the estimate's provenance names, where it is unchanged.
+        description: The robot model to put the model into; None takes that of the estimate, if it is unchanged.
         proof: Whether the files are loaded again and torques compared.
         motion: A log whose motion, up to 10 s of it, the model follows in simulation; None for no simulation.
         write: False checks and tells what would be written.
@@ -102,6 +101,7 @@ def export_model(
         left_out=content.left_out,
         neglected=neglected_torque(subject, content.left_out),
         notes=(*_body_notes(estimate), *subject.notes, *(() if part.remembers else subject.slipped), *content.notes),
+        units=dict(zip(subject.model.robot.joint_names, subject.model.robot.units, strict=True)),
     )
 
 

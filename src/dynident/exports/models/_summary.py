@@ -31,6 +31,7 @@ class ModelExport:
         neglected: Root mean square of the torque that the first file cannot hold, by joint, in N m or N, over
             states like those in the logs of the fit; empty where it holds everything.
         notes: What the reader has to know.
+        units: Of the torque, by joint: N m or N.
     """
 
     exporter: str
@@ -43,6 +44,7 @@ class ModelExport:
     left_out: tuple[Term, ...]
     neglected: Mapping[str, float]
     notes: tuple[str, ...]
+    units: Mapping[str, str]
 
     def __repr__(self) -> str:
         engines = ", ".join(f"{one.engine}: {one.why_not}" if one.why_not else one.engine for one in self.proofs)
@@ -55,7 +57,8 @@ def model_export_data(export: ModelExport) -> dict[str, Any]:
     for key in ("files", "notes", "proofs"):
         data[key] = list(data[key])
     data["motion"] = None if export.motion is None else export.motion.data()
-    return data | {"left_out": [term.data() for term in export.left_out], "neglected": dict(export.neglected)}
+    own = {"neglected": dict(export.neglected), "units": dict(export.units)}
+    return data | {"left_out": [term.data() for term in export.left_out], **own}
 
 
 def neglected_torque(subject: Identified, left_out: tuple[Term, ...]) -> dict[str, float]:

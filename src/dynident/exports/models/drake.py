@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import ClassVar
 from xml.etree.ElementTree import ParseError
 
+import numpy as np
 from defusedxml import DefusedXmlException, ElementTree
 
 from dynident.errors import FileError
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.sdf_proof import sdf_by_drake, sdf_by_reader
-from dynident.exports.models.subject.drives import Drives, Term, drives_of, simulated_term
+from dynident.exports.models.subject.drives import Drives, Term, drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside
@@ -117,8 +118,4 @@ def _name_in(path: Path) -> str:
 
 def _dry_terms(drives: Drives) -> tuple[Term, ...]:
     dry = drives.at_joints()[2]
-    return tuple(
-        simulated_term(name, "friction", float(value), "N m or N")
-        for name, value in zip(drives.joints, dry, strict=True)
-        if value
-    )
+    return tuple(drives.term(j, "friction", float(dry[j])) for j in np.flatnonzero(dry))

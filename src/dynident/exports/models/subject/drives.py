@@ -66,6 +66,7 @@ class Drives:
         nearest: Which drives have damping and Coulomb friction nearest to a curve of another shape, shape (n,).
         has_friction: Whether the model of the estimate has friction on the drive, shape (n,).
         rest: What is left over.
+        units: Of the torque of each joint, N m or N.
     """
 
     joints: tuple[str, ...]
@@ -76,6 +77,12 @@ class Drives:
     nearest: BoolArray
     has_friction: BoolArray
     rest: tuple[Term, ...]
+    units: tuple[str, ...]
+
+    def term(self, j: int | np.intp, word: str, value: float) -> Term:
+        """Return what a joint of simulators holds as ``armature`` or ``friction``."""
+        unit = self.units[j] if word == "friction" else "kg m^2" if self.units[j] == "N m" else "kg"
+        return simulated_term(self.joints[j], word, value, unit)
 
     @property
     def alone(self) -> BoolArray:
@@ -192,6 +199,7 @@ def drives_of(subject: Identified) -> Drives:
         nearest,
         has_friction,
         (*rest, *bias),
+        robot.units,
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dynident.arrays import Array, frozen
 from dynident.errors import DynidentError, EstimateFormatError
-from dynident.exports.models.subject.drives import Drives, Term, simulated_term
+from dynident.exports.models.subject.drives import Drives, Term
 from dynident.exports.models.subject.identified import NONE, Identified
 from dynident.exports.models.writing.xml_text import check_printable
 from dynident.file_versions import FileVersions
@@ -162,9 +162,7 @@ def left_out(drives: Drives, *, armature: bool, coupled: bool, springs: Sequence
     if not armature:
         alone = drives.alone if not coupled else drives.alone | True
         rotors = [
-            simulated_term(name, "armature", float(value), "kg m^2 or kg")
-            for name, value, is_alone in zip(drives.joints, drives.armature, alone, strict=True)
-            if value and is_alone
+            drives.term(j, "armature", float(drives.armature[j])) for j in np.flatnonzero(drives.armature * alone)
         ]
     return (*rotors, *(() if coupled else drives.coupled_rest()), *rest)
 
