@@ -186,28 +186,35 @@ def held_along(model: DynamicModel, thetas: Sequence[Array], prepared: Prepared)
     start = None if motion.state is None else motion.state[0]
     ends = None if isinstance(log.before, Log) else end_states(model, start)
     paths, found = state_paths(model, motion, 1.0 / log.rate, ends), []
+    weights = _weights(prepared)
     for each in (held_torque(model, theta, motion, rests, paths) for theta in thetas):
-        sides = (each.torque, each.middle, each.half)
-        torque, middle, half = (prepared.smooth(one.T).T for one in sides)
-        half = np.maximum(half, np.where(steady, 0.0, _most(prepared, each.half)))[prepared.keep]
-        found.append(HeldTorque(torque[prepared.keep], middle[prepared.keep], half, each.rests[prepared.keep]))
+        smooth = prepared.smooth(np.concatenate([each.torque, each.middle, each.half], axis=1).T).T[prepared.keep]
+        torque, middle, half = np.split(smooth, 3, axis=1)
+        half = np.maximum(half, np.where(steady, 0.0, _most(weights, each.half))[prepared.keep])
+        found.append(HeldTorque(torque, middle, half, each.rests[prepared.keep]))
     return found
 
 
-def _most(prepared: Prepared, half: Array) -> Array:
-    """Return how large the filter leaves signals at most that nowhere exceed half widths (N, n).
+def _weights(prepared: Prepared) -> Array:
+    """Return the sizes of the weights of the filter of a log about a sample, shape (2 reach + 1,)."""
+    reach = prepared.how.filter.reach(prepared.log.rate)
+    pulse = np.zeros((1, 2 * reach + 1))
+    pulse[0, reach] = 1.0
+    return np.abs(prepared.smooth(pulse)[0]) if reach else pulse[0]
+
+
+def _most(weights: Array, half: Array) -> Array:
+    """Return how large a filter leaves signals at most that nowhere exceed half widths (N, n).
 
     Its weights have both signs (it overshoots): it is the half widths times the size of each weight.
     """
-    reach = prepared.how.filter.reach(prepared.log.rate)
-    if not reach or not half.any():
-        return half
-    pulse = np.zeros((1, 2 * reach + 1))
-    pulse[0, reach] = 1.0
-    weights, longer = np.abs(prepared.smooth(pulse)[0]), np.pad(half, ((reach, reach), (0, 0)), mode="edge")
-    size = len(longer) + 2 * reach
-    spectrum = np.fft.rfft(longer, size, axis=0) * np.fft.rfft(weights, size)[:, None]
-    return np.maximum(np.fft.irfft(spectrum, size, axis=0)[2 * reach : 2 * reach + len(half)], 0.0)
+    reach, most = len(weights) // 2, half.copy()
+    if reach and (some := half.any(axis=0)).any():
+        longer = np.pad(half[:, some], ((reach, reach), (0, 0)), mode="edge")
+        size = min(k * 2 ** int(np.ceil(np.log2((len(longer) + 2 * reach) / k))) for k in (4, 5, 6))
+        spectrum = np.fft.rfft(longer, size, axis=0) * np.fft.rfft(weights, size)[:, None]
+        most[:, some] = np.maximum(np.fft.irfft(spectrum, size, axis=0)[2 * reach : 2 * reach + len(half)], 0.0)
+    return most
 
 
 def with_rest(estimate: Estimate, found: Validation, logs: Sequence[Prepared]) -> Validation:

@@ -55,6 +55,14 @@ def test_dynamics_agree_with_pinocchio(arm: Arm) -> None:
             assert np.abs(places[s, i] - data.oMi[i + 1].translation).max() < 1e-12
 
 
+def test_weight_is_the_torque_at_rest_under_any_gravity(arm: Arm) -> None:
+    (q, _, _), fields = arm.states(5), np.array([[0.0, 0.0, -9.81], [3.0, -1.0, 2.0]])
+    found = batched.weight_torques(arm.chain, arm.theta, q, fields)
+    for field, torque in zip(fields, found, strict=True):
+        chain = replace(arm.chain, gravity=field)
+        assert error(torque, batched.inverse_dynamics(chain, arm.theta, q, 0.0 * q, 0.0 * q)) < 1e-12
+
+
 def test_forward_dynamics_inverts_inverse_dynamics_of_any_parameters(arm: Arm) -> None:
     """An indefinite mass matrix is solved too."""
     theta = np.random.default_rng(4).normal(size=10 * arm.chain.links)

@@ -16,7 +16,7 @@ from dynident.applications.drive_gains.unknowns import Unknowns
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.diagnosis.causes.bodies_in_motion import lean_torques, leaned
-from dynident.diagnosis.causes.quick_fit import gravity_observers
+from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 
@@ -70,10 +70,9 @@ def pulls(model: DynamicModel, base: BaseParameters, beta: Array, logs: Sequence
         beta: Shape (b,).
         logs: Preprocessed logs.
     """
-    gravity, bodies = np.asarray(model.robot.gravity), np.where(base.is_friction, 0.0, beta)
-    observers, found = gravity_observers(model, base), []
+    regressor, found = RegressorStream(model, base), []
     for log in logs:
-        torque = np.moveaxis(lean_torques(observers, log.log, bodies, gravity), 0, -1)
+        torque = np.moveaxis(lean_torques(regressor, log.log, beta), 0, -1)
         count, joints, _ = torque.shape
         smooth = log.smooth(torque.reshape(count, -1).T).T[log.keep]
         found.append(smooth.reshape(-1, joints, 2))

@@ -6,7 +6,6 @@ times it is the torque that is added, however large.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
+from dynident.model.kernels.batched import weight_torques
 
 #: Steps of the finite differences: of positions in rad or m, and by the clock, a share.
 SHIFT, CLOCK_STEP = 1e-3, 1e-3
@@ -88,18 +88,18 @@ class BodiesInMotion:
         return self.regressor.model.torque(motion_of(log), self.regressor.base.to_standard(self.bodies))
 
 
-def lean_torques(observers: Sequence[RegressorStream], log: Log, beta: Array, gravity: Array) -> Array:
+def lean_torques(regressor: RegressorStream, log: Log, beta: Array) -> Array:
     """Return the torques of bodies by a lean of the base about both axes across gravity, per radian, shape (2, N, n).
 
     Args:
-        observers: See :func:`~.quick_fit.gravity_observers`.
+        regressor: What makes the rows of the robot on its base.
         log: The motion, of N samples.
         beta: Base parameters of the bodies, shape (b,).
-        gravity: That which the base leans from, shape (3,), in m/s^2.
     """
-    still, *along = (observer.predict(log, beta) for observer in observers)
-    pulls, size = np.stack(along) - still, float(np.linalg.norm(gravity))
-    return np.stack([size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)])
+    model = regressor.model
+    gravity, bodies = np.asarray(model.robot.gravity), regressor.base.to_standard(beta)[: model.inertial_count]
+    pulls = float(np.linalg.norm(gravity)) * across_gravity(gravity)
+    return weight_torques(model.robot.chain, bodies, log.q, pulls)
 
 
 def leaned(gravity: Array, lean: Array) -> Array:

@@ -164,8 +164,9 @@ class QuickFit:
 
     @cached_property
     def gravity_observers(self) -> tuple[RegressorStream, ...]:
-        """See :func:`gravity_observers`."""
-        return gravity_observers(self.model, self.base)
+        """What makes the rows without gravity, and with one of 1 m/s^2 along each axis: rows are linear in it."""
+        robots = [self.model.robot.with_gravity(gravity) for gravity in (np.zeros(3), *np.eye(3))]
+        return tuple(RegressorStream(replace(self.model, robot=own), self.base, any_gravity=True) for own in robots)
 
     def rows_of(self, log: Log) -> FitRows:
         """Return the rows of another reading of the log."""
@@ -298,12 +299,6 @@ class QuickFit:
             scale = float(np.sqrt(np.mean(self.rows.torque[mask, i] ** 2) * np.mean(speed[mask, i] ** 2)))
             share[i], score[i] = power / max(scale, 1e-300), power / deviation
         return share, score
-
-
-def gravity_observers(model: DynamicModel, base: BaseParameters) -> tuple[RegressorStream, ...]:
-    """Return what makes the rows without gravity, and with one of 1 m/s^2 along each axis: rows are linear in it."""
-    robots = [model.robot.with_gravity(gravity) for gravity in (np.zeros(3), *np.eye(3))]
-    return tuple(RegressorStream(replace(model, robot=robot), base, any_gravity=True) for robot in robots)
 
 
 def in_order(order: Sequence[int]) -> Array:

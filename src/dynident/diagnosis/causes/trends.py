@@ -373,9 +373,7 @@ class Trends:
 
     def _tilt(self, beta: Array) -> Cause:
         """Return the lean of the base about both axes across gravity; the first joint then carries its own link too."""
-        gravity = np.asarray(self.fit.model.robot.gravity)
-        bodies = np.where(self.fit.base.is_friction, 0.0, beta)
-        return _cause("tilt", "", *lean_torques(self.fit.gravity_observers, self._log, bodies, gravity))
+        return _cause("tilt", "", *lean_torques(self.fit.regressor, self._log, beta))
 
 
 def _cause(name: str, joint: str, *columns: Array) -> Cause:

@@ -73,15 +73,8 @@ class RegressorStream:
         return tuple(np.concatenate(joint, axis=1) for joint in zip(*parts, strict=True))
 
     def predict(self, log: Log, beta: Array) -> Array:
-        """Return the torque of the model at ``beta``, with the known torque, not filtered, shape (N, n).
-
-        Friction that depends on the load takes that of ``beta`` itself.
-        """
-        motion = remembered_motion(self.model, log)
-        parts = [slice(start, start + CHUNK) for start in range(0, log.samples, CHUNK)]
-        blocks = (self._block(motion, part, load=beta) for part in parts)
-        torques = [[beta[own] @ block[:-1] for own, block in zip(self.columns, joint, strict=True)] for joint in blocks]
-        return np.concatenate([np.stack(part, axis=1) for part in torques]) + self.model.known_torque(motion)
+        """Return the torque of the model at ``beta`` (b,), with the known torque, not filtered, shape (N, n)."""
+        return self.model.torque(remembered_motion(self.model, log), self.base.to_standard(beta))
 
     def triangles(
         self, prepared: Prepared, mask: BoolArray, parts: Sequence[Segments] | None = None

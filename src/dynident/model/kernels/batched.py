@@ -17,6 +17,7 @@ import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,15 @@ from dynident.model.kernels.inputs import parameters, samples
 from dynident.model.kernels.joint_columns import JointColumns
 from dynident.model.robot import Chain
 
-__all__ = ["JointColumns", "forward_dynamics", "inverse_dynamics", "link_poses", "mass_matrix", "torque_regressor"]
+__all__ = [
+    "JointColumns",
+    "forward_dynamics",
+    "inverse_dynamics",
+    "link_poses",
+    "mass_matrix",
+    "torque_regressor",
+    "weight_torques",
+]
 
 #: Fewer samples than this are not worth a thread of their own.
 SHARE = 512
@@ -109,6 +118,28 @@ def inverse_dynamics(
 
     tables = pack(chain)
     _share(len(q), threads, lambda s: generic_batches.inverse_dynamics(*tables, theta, q[s], dq[s], ddq[s], out[s]))
+    return out
+
+
+def weight_torques(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, fields: npt.ArrayLike) -> Array:
+    """Return the joint torques at rest under other gravities than that of the chain, shape (m, N, n), in N m or N.
+
+    Args:
+        chain: The robot.
+        theta: Inertial parameters, shape (10 l,); physical or not.
+        q: Positions, shape (N, n).
+        fields: The gravities in m/s^2, shape (m, 3), which share one kernel.
+
+    Raises:
+        ValueError: A shape is wrong.
+    """
+    (q,), theta, fields = samples(chain, {"q": q}), parameters(chain, theta), np.array(fields, dtype=np.float64)
+    kernel, still = chain_kernel(replace(chain, gravity=np.zeros(3)), "weight"), np.zeros_like(q)
+    if kernel is None:
+        return np.stack([inverse_dynamics(replace(chain, gravity=own), theta, q, still, still) for own in fields])
+    out = np.empty((len(fields), len(q), chain.joints))
+    for field, own in zip(fields, out, strict=True):
+        kernel.run((theta, field, q), (own,), len(q))
     return out
 
 

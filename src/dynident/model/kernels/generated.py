@@ -15,7 +15,7 @@ from dynident.model.kernels.recursion import TracedChain
 from dynident.model.kernels.trace import Number, TracedProgram
 from dynident.model.robot import Chain
 
-Quantity: TypeAlias = Literal["regressor", "torque", "mass", "frames"]
+Quantity: TypeAlias = Literal["regressor", "torque", "weight", "mass", "frames"]
 
 #: Operations above which a program is left to the generic kernels: about ten joints in general position, half a second
 #: of compiling, which grows faster than the program.
@@ -27,6 +27,7 @@ FEW = 4000
 _READS: dict[Quantity, tuple[str, ...]] = {
     "regressor": ("q", "dq", "ddq"),
     "torque": ("theta", "q", "dq", "ddq"),
+    "weight": ("theta", "gravity", "q"),
     "mass": ("theta", "q"),
     "frames": ("q",),
 }
@@ -35,8 +36,8 @@ _READS: dict[Quantity, tuple[str, ...]] = {
 def chain_kernel(chain: Chain, quantity: Quantity) -> Kernel | None:
     """Return the kernel of a quantity over samples, or None where the generic one is to be used.
 
-    Its inputs are, in this order, those of theta, q, dq and ddq that the quantity depends on; its output is (N, width)
-    as the methods of :class:`TracedChain` number it.
+    Its inputs are, in this order, those of theta, gravity, q, dq and ddq that the quantity depends on; its output is
+    (N, width) as the methods of :class:`TracedChain` number it.
     """
     choice = kernel_choice()
     if choice == "generic":
@@ -75,9 +76,9 @@ def chain_key(chain: Chain) -> Hashable:
 
 
 def by_sample(chain: Chain, names: tuple[str, ...]) -> tuple[Buffer, ...]:
-    """Return the layout of q, dq, ddq (N, n) and theta."""
+    """Return the layout of q, dq, ddq (N, n), theta and gravity."""
     return tuple(
-        Buffer(name, Access.FIXED) if name == "theta" else Buffer(name, Access.BY_SAMPLE, chain.joints)
+        Buffer(name, Access.FIXED) if name in ("theta", "gravity") else Buffer(name, Access.BY_SAMPLE, chain.joints)
         for name in names
     )
 
@@ -100,7 +101,7 @@ def compiled_quantity(chain: Chain, quantity: Quantity, forced: bool) -> tuple[T
 
 def _program(chain: Chain, quantity: Quantity) -> tuple[TracedProgram, int]:
     """Return the program of a quantity, and how many slots it has."""
-    traced = TracedChain(chain)
+    traced = TracedChain(chain, reads={"dq": "", "ddq": "", "gravity": "gravity"} if quantity == "weight" else None)
     values, width = _values(traced, quantity)
     return traced.trace.program(values), width
 
@@ -111,7 +112,7 @@ def _values(traced: TracedChain, quantity: Quantity) -> tuple[dict[int, Number],
     match quantity:
         case "regressor":
             return traced.regressor(range(10 * links)), joints * 10 * links
-        case "torque":
+        case "torque" | "weight":
             return traced.torque(), joints
         case "mass":
             return traced.mass(), joints * joints

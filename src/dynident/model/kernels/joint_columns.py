@@ -134,8 +134,8 @@ class JointColumns:
 
     def _layout(self) -> Layout:
         rows = tuple(Buffer(f"joint{j}", Access.BY_ROW) for j in range(self.chain.joints))
-        gravity = (Buffer("gravity", Access.FIXED),) if self.any_gravity else ()
-        return Layout((*by_sample(self.chain, _MOTION), *gravity), rows, self._places)
+        names = (*_MOTION, "gravity") if self.any_gravity else _MOTION
+        return Layout(by_sample(self.chain, names), rows, self._places)
 
     def _gradient(self) -> tuple[TracedProgram, Layout]:
         """Return the program of :meth:`pullback`."""
