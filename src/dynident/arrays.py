@@ -7,7 +7,7 @@ k coefficients, l links.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
@@ -51,6 +51,11 @@ def address(array: Any) -> int:
 def finite(value: float) -> float | None:
     """Return the number, or None where it is not finite and JSON has no word for it."""
     return float(value) if np.isfinite(value) else None
+
+
+def vector_text(values: Iterable[float], digits: int = 6) -> str:
+    """Return numbers as a list in text, such as a gravity; without the sign of zero."""
+    return ", ".join(f"{value + 0.0:.{digits}g}" for value in values)
 
 
 def plain(value: Any) -> Any:

@@ -17,7 +17,6 @@ from dynident.excitation.design.parametrisation import (
     designable,
     kind_of,
     kinds,
-    of_table,
     parametrise,
 )
 from dynident.excitation.trajectories import TRAJECTORIES, Trajectory
@@ -113,7 +112,7 @@ def test_the_extremes_shrink_with_the_amplitudes_about_the_posture(kind: str) ->
 def test_plain_data_goes_out_and_comes_in(kind: str) -> None:
     _, motion = motion_of(parametrise(kind, 7.0, 3), 2)
     data = json.loads(json.dumps(motion.data(), allow_nan=False))
-    for again in (designable(kind).from_data(data), of_table(kind, motion.table, 7.0)):
+    for again in (designable(kind).from_data(data), designable(kind).from_table(list(motion.table), 7.0)):
         assert type(again) is type(motion) and kind_of(again) == kind and again.detail == motion.detail
         time = np.linspace(0.0, 9.0, 40)
         np.testing.assert_array_equal(signals(again, time), signals(motion, time))
@@ -123,7 +122,7 @@ def test_plain_data_goes_out_and_comes_in(kind: str) -> None:
 def test_a_period_is_positive(kind: str, period: float) -> None:
     _, motion = motion_of(parametrise(kind, 7.0, 3), 2)
     with pytest.raises(BadOption, match="give the period in s, above 0"):
-        of_table(kind, motion.table, period)
+        designable(kind).from_table(list(motion.table), period)
     with pytest.raises(BadOption, match="give the period in s, above 0"):
         parametrise(kind, period, 3)
 
@@ -138,4 +137,4 @@ def test_numbers_are_finite(kind: str) -> None:
     _, motion = motion_of(parametrise(kind, 7.0, 3), 2)
     rows: Any = np.where(np.arange(motion.table.shape[1]) == 4, np.nan, motion.table)
     with pytest.raises(BadOption, match=r"give finite numbers|equal"):
-        of_table(kind, rows, 7.0)
+        designable(kind).from_table(list(rows), 7.0)

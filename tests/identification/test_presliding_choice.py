@@ -26,7 +26,7 @@ from dynident.identification.selection.friction.finer_values import finer_values
 from dynident.identification.selection.friction.search_friction import predicts_better
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE, Friction, Motion
+from dynident.model.friction import WHOLE_PART, Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.load import Load
 from dynident.model.friction.presliding import Presliding
@@ -72,7 +72,7 @@ def logged(
 def said_of_presliding(found: Estimate) -> float:
     """Return what the table of what was tried says last of the part: 1 in the model, 0 left out."""
     return [
-        each.value for each in found.choices.chosen_fields or () if (each.part, each.field) == ("presliding", WHOLE)
+        own.value for own in found.choices.chosen_fields or () if (own.part, own.field) == ("presliding", WHOLE_PART)
     ][-1]
 
 
@@ -212,7 +212,8 @@ def test_a_list_that_won_says_what_the_other_one_with_presliding_did(
     better, (told,) = predicts_better(
         tried, [own], DynamicModel(planar_2r, truth[:2]), [own], SharedRows(planar_2r, [own])
     )
-    assert better is is_there and told.value == float(is_there) and (told.part, told.field) == ("presliding", WHOLE)
+    assert better is is_there and told.value == float(is_there)
+    assert (told.part, told.field) == ("presliding", WHOLE_PART)
     assert told.gain > 0.5 if is_there else told.gain < 5e-3
     assert told.error is not None and told.error > 0.0
 

@@ -78,7 +78,7 @@ def test_a_mass_falls_and_friction_slows_it_as_the_closed_forms_say():
 
 @dataclass(frozen=True)
 class Plain:
-    """The same closed loop as a plain Python program over the batched forward dynamics."""
+    """The same closed loop as a plain Python program over mass matrix and inverse dynamics."""
 
     robot: Robot
     fc: float
@@ -92,7 +92,9 @@ class Plain:
         speed = coupling @ dq
         loss = coupling.T @ (self.fc * np.tanh(speed / self.width) + self.fv * speed + self.f0)
         rotor = self.robot.reflected_inertia + self.ia * coupling.T @ coupling
-        return batched.forward_dynamics(self.robot.chain, self.robot.nominal, [q], [dq], [tau - loss], rotor)[0]
+        chain, theta = self.robot.chain, self.robot.nominal
+        bias = batched.inverse_dynamics(chain, theta, [q], [dq], [np.zeros(len(q))])[0]
+        return np.linalg.solve(batched.mass_matrix(chain, theta, [q])[0] + rotor, tau - loss - bias)
 
     def run(self, motion, kp, kd, step, every, rows, resolution):
         q, dq, _ = (values[0] for values in motion.evaluate(0.0))

@@ -16,7 +16,7 @@ from dynident.actuators.friction_choice import FOLDS, moves
 from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit, follows, richer_fit, sought_again
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
 from dynident.actuators.linear_start import OFF_S, saturated_share, start_rows
-from dynident.actuators.output_error import ROUGH, WHOLE
+from dynident.actuators.output_error import ROUGH, THOROUGH
 from dynident.actuators.parameters import PLACE, with_zero
 from dynident.actuators.poor_fit import EXTRAPOLATION, poor_fit, unseen_weight
 from dynident.actuators.rollout import FIRST, STEP, JointRecord, mean_errors, record_of, started
@@ -138,7 +138,7 @@ def first_logs(datas: Sequence[JointData], friction: str = "m1") -> list[int]:
 
 def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[str], None]) -> Arm:
     """Return an arm with the fits of its joints, found from some of the logs, at last under the loads of all logs."""
-    effort = ROUGH if len(arm.datas) > 1 else WHOLE
+    effort = ROUGH if len(arm.datas) > 1 else THOROUGH
     part = arm.part(first)
     fits = [first_fit(data, friction, effort, progress) for data in part.datas]
     ratios = [fit.ratio for fit in fits]

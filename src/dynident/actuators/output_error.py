@@ -62,7 +62,7 @@ class RefineEffort:
 
 
 #: Of the answer, of a joint of an arm before its load is known better, and of a fold of the cross-validation.
-WHOLE, ROUGH, FOLD = RefineEffort(12, 60, 4, 3, 8), RefineEffort(12, 25, 2, 1, 0), RefineEffort(8, 25, 0, 1, 0)
+THOROUGH, ROUGH, FOLD = RefineEffort(12, 60, 4, 3, 8), RefineEffort(12, 25, 2, 1, 0), RefineEffort(8, 25, 0, 1, 0)
 
 
 #: Starts beside the linear one, as multiples of its parameters.
@@ -177,7 +177,7 @@ class ServoFit:
 
 
 def output_error(
-    problem: ServoProblem, starts: Sequence[Array], loss_scale: float = 0.0, effort: RefineEffort = WHOLE
+    problem: ServoProblem, starts: Sequence[Array], loss_scale: float = 0.0, effort: RefineEffort = THOROUGH
 ) -> ServoFit:
     """Return the parameters whose roll-outs are nearest to the measured positions.
 

@@ -7,7 +7,7 @@ from math import isclose
 
 from dynident.errors import BadOption
 from dynident.identification.selection.friction.variable_projection import spans_of
-from dynident.model.friction import WHOLE, Friction
+from dynident.model.friction import WHOLE_PART, Friction
 
 #: Share by which a field of one of two elements has to differ from that of the other.
 APART = 1e-3
@@ -28,7 +28,7 @@ def check_part(part: Friction, earlier: Sequence[Friction]) -> None:
     own = part.options
     for other in earlier if "element" in own and "length" in part.ranges else ():
         on = part.joints is None or other.joints is None or set(part.joints) & set(other.joints)
-        is_open = {*(part.vary or ()), *(part.choose or ()), *(other.vary or ()), *(other.choose or ())} - {WHOLE}
+        is_open = {*(part.vary or ()), *(part.choose or ()), *(other.vary or ()), *(other.choose or ())} - {WHOLE_PART}
         if not on or is_open or type(other) is not type(part) or other.options["element"] == own["element"]:
             continue
         if all(isclose(other.options[name], own[name], rel_tol=APART) for name in part.ranges):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SUMMARY = "many robots of one type: what they share, outliers named"
 
 #: Name of the file about the whole fleet.
-WHOLE = "fleet.json"
+FLEET_FILE = "fleet.json"
 
 #: Parameters that the table on the terminal shows.
 SHOWN = 20
@@ -31,7 +31,7 @@ SHOWN = 20
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("files", nargs="+", metavar="FILE", help="estimates or QR factors, one file per robot")
-    parser.add_argument("-o", "--output", metavar="FOLDER", help=f"write one estimate per robot and {WHOLE} here")
+    parser.add_argument("-o", "--output", metavar="FOLDER", help=f"write one estimate per robot and {FLEET_FILE} here")
     parser.add_argument(
         "--rate",
         type=float,
@@ -57,11 +57,11 @@ def run(options: argparse.Namespace) -> int:
     places: list[str] = []
     if options.output:
         names = [Path(file).stem for file in options.files]
-        if Path(WHOLE).stem in names:
-            raise BadOption("FILE", options.files[names.index(Path(WHOLE).stem)], f"{WHOLE} is that of the whole fleet")
+        if (own := Path(FLEET_FILE).stem) in names:
+            raise BadOption("FILE", options.files[names.index(own)], f"{FLEET_FILE} is that of the whole fleet")
         places = [str(Path(options.output) / f"{name}.json") for name in names]
         if len(set(places)) == len(places):  # names that are there twice are refused with the robots
-            check_outputs((*places, str(Path(options.output) / WHOLE)), options.files)
+            check_outputs((*places, str(Path(options.output) / FLEET_FILE)), options.files)
     with console.progress(len(options.files) + 2, options.quiet or options.json) as progress:
         progress.step("reading")
         robots = [_read(file) for file in options.files]
@@ -74,14 +74,14 @@ def run(options: argparse.Namespace) -> int:
         for place, estimate in zip(places, fleet.estimates, strict=True):
             write_estimate(estimate, place)
         whole = {"kind": "dynident fleet", "format": 2, **fleet.figures()}
-        write_atomically(Path(options.output) / WHOLE, json.dumps(whole, allow_nan=False) + "\n")
+        write_atomically(Path(options.output) / FLEET_FILE, json.dumps(whole, allow_nan=False) + "\n")
     if options.json:
         console.answer_json(fleet.figures())
         return 0
     _show(fleet)
     if options.output:
         step = f"next: dynident validate {quote(str(places[0]))} other-run.csv"
-        console.remark(f"saved {len(places)} estimates and {WHOLE} in {options.output}; {step}", options.quiet)
+        console.remark(f"saved {len(places)} estimates and {FLEET_FILE} in {options.output}; {step}", options.quiet)
     return 0
 
 

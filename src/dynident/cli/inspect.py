@@ -240,12 +240,13 @@ def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[
 
 
 def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
+    from dynident.arrays import vector_text
     from dynident.cli import console
     from dynident.results.plausibility import nominal_state
     from dynident.results.text import Column, Table, format_given, label, pretty_unit
 
-    gravity = ", ".join(f"{g:g}" for g in robot.gravity)
-    console.answer(f"{label(robot.name)}: {robot.dof} joints, {len(robot.links)} links, gravity ({gravity}) m/s²")
+    links, gravity = len(robot.links), vector_text(robot.gravity)
+    console.answer(f"{label(robot.name)}: {robot.dof} joints, {links} links, gravity ({gravity}) m/s²")
     for remark in robot.note.split("; ")[1:] if robot.note.startswith("read from ") else []:
         console.answer(f"note: {label(remark)}")
     heads = ("joint", "kind", "lower", "upper", "speed", "effort", "unit of effort", "link", "mass [kg]", "inertia")

@@ -16,7 +16,7 @@ from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, TextIO
 
 from dynident.cli.parser import OneLineParser, empty_value
-from dynident.cli.short_help import SHORT, WHOLE, HelpText, shorten_help
+from dynident.cli.short_help import ALL_OPTIONS, SHORT, HelpText, shorten_help
 
 if TYPE_CHECKING:
     from dynident.errors import BadOption
@@ -121,8 +121,8 @@ def _done(words: list[str]) -> int:
         remark(f"error: no command called '{words[0]}'{nearest(words[0], COMMANDS)}")
         remark("'dynident --help' lists the commands")
         return 2
-    short = WHOLE not in words
-    words = [SHORT[-1] if word == WHOLE else word for word in words]
+    short = ALL_OPTIONS not in words
+    words = [SHORT[-1] if word == ALL_OPTIONS else word for word in words]
     parser = build_parser(words[0] if words and words[0] in COMMANDS else None, short and bool({*SHORT} & set(words)))
     options, unknown = parser.parse_known_args(words)
     if options.command is None:
@@ -134,7 +134,7 @@ def _done(words: list[str]) -> int:
         return 2
     if unknown:
         remark(_not_taken(unknown[0], options, _parser_of(parser, options.command)))
-        remark(f"'dynident {options.command} {WHOLE}' lists all options")
+        remark(f"'dynident {options.command} {ALL_OPTIONS}' lists all options")
         return 2
 
     if name := empty_value(_parser_of(parser, options.command), options):

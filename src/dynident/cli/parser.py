@@ -6,7 +6,7 @@ import argparse
 import re
 from typing import Any, NoReturn
 
-from dynident.cli.short_help import WHOLE
+from dynident.cli.short_help import ALL_OPTIONS
 
 #: What argparse says where arguments, or the value of an option, are missing.
 _MISSING = "the following arguments are required: "
@@ -39,7 +39,7 @@ class OneLineParser(argparse.ArgumentParser):
         elif match := _NO_VALUE.match(message):
             text = f"{match['flag']} needs a value"
         command = self.prog.partition(" ")[2]
-        flag = WHOLE if command else "--help"
+        flag = ALL_OPTIONS if command else "--help"
         remark(f"error: {text}")
         remark(f"'{self.prog} {flag}' lists all options")
         raise SystemExit(2)

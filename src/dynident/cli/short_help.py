@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 
 #: Flags of the short and of the whole help.
-SHORT, WHOLE = ("-h", "--help"), "--help-all"
+SHORT, ALL_OPTIONS = ("-h", "--help"), "--help-all"
 
 #: Examples of a short help.
 EXAMPLES = 4
@@ -42,7 +42,7 @@ def shorten_help(parser: argparse.ArgumentParser, frequent: Sequence[str]) -> No
     for group in parser._action_groups[2:]:  # behind the arguments and the options without a title: one list in short
         parser._optionals._group_actions += group._group_actions
         group._group_actions = []
-    parser.epilog = f"{WHOLE} shows {hidden} more options, and says more about the command"
+    parser.epilog = f"{ALL_OPTIONS} shows {hidden} more options, and says more about the command"
 
 
 def _written(argument: argparse.Action) -> str:

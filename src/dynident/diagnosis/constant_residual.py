@@ -18,7 +18,7 @@ MOST = 0.5
 MATTERS = 0.05
 
 #: Residual beside the constant over that of the fit, up to which it is as in the fit.
-ALIKE = 1.5
+AS_IN_THE_FIT = 1.5
 
 #: Standard deviations of a constant from which it is one: of the parameters, and of the means of so many parts.
 SURE, PARTS = 3.0, 10
@@ -51,7 +51,7 @@ def constant_residual(
             continue
         size = float(np.sqrt(np.mean(measured[moves, i] ** 2)))
         mean, rest = float(np.mean(values)), float(np.std(values))
-        if rest > ALIKE * fit.rmse:
+        if rest > AS_IN_THE_FIT * fit.rmse:
             return ""
         means = np.std([part.mean() for part in np.array_split(values, PARTS)], ddof=1) / np.sqrt(PARTS)
         own = 0.0 if deviations is None else float(np.sqrt(np.mean(deviations[moves, i] ** 2)))

@@ -20,7 +20,7 @@ from dynident.identification.estimate.validation import Z_95, Validation
 ACCEPTED, NOT_ACCEPTED, NOT_MET, NO_CRITERIA = "accepted", "not accepted", "criteria not met", "no criteria"
 
 #: Share of the torque's variation at a joint that is left of it from which the joint is not explained.
-WORTHLESS = 0.9
+LEFT_UNEXPLAINED = 0.9
 
 #: Rise of the residual over the fit of inconsistent links from which consistent ones are why: twice.
 RISES = 1.0
@@ -203,7 +203,7 @@ def causes_against(estimate: Estimate, quality: Sequence[Mapping[str, Any]] | No
     """
     found = errors_in((quality_of(estimate) if quality is None else quality) or ())
     left = _left_in_full(estimate.train)
-    poor = [share for share in left.values() if share > WORTHLESS]
+    poor = [share for share in left.values() if share > LEFT_UNEXPLAINED]
     if len(poor) > len(left) / 2:  # a few rows far out are those of some joints
         evidence = (
             f"at {len(poor)} of {len(left)} joints {100 * min(poor):.0f} % or more of the torque's variation is left "

@@ -29,7 +29,7 @@ from dynident.identification.selection.friction.variable_projection import (
 from dynident.model.base_parameters import base_parameters, with_stated_rotors
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE, Friction, auto_friction, called, motor_ripple
+from dynident.model.friction import WHOLE_PART, Friction, auto_friction, called, motor_ripple
 
 if TYPE_CHECKING:  # a case that states its friction chooses none
     from dynident.identification.selection.friction.column_pool import SharedRows
@@ -152,7 +152,7 @@ def _within_logs(
         if reason:
             left = None if part is None else {*(part.joints or ())}
             joints = stated.joints if left is None else tuple(own for own in model.robot.joint_names if own not in left)
-            aside.append(FieldChoice(called(stated), joints, WHOLE, 0.0, 0.0, 0.0, 0.0, None, None, reason))
+            aside.append(FieldChoice(called(stated), joints, WHOLE_PART, 0.0, 0.0, 0.0, 0.0, None, None, reason))
         if part is None:
             continue
         least, left_open, moved = finest_of(model, part, finest), (part.choose or (), part.vary or ()), dict[str, Any]()
@@ -236,7 +236,7 @@ def _with_chosen_fields(
         less = predicts_better(beside.chosen, rows, found.chosen, prepared, sharper[0])[1]
         better = less[0].gain - (tried[0].gain - less[0].gain) / (sharper[1] - 1.0) > OF_A_PART
         tried = tried if better else tuple(replace(each, value=0.0) for each in less)
-    told = tuple(each for each in beside.told if each.field != WHOLE or each.part not in lagging)
+    told = tuple(each for each in beside.told if each.field != WHOLE_PART or each.part not in lagging)
     if not better:
         return found.chosen, prepared, replace(choices, chosen_fields=(*found.told, *tried))
     return beside.chosen, rows, replace(own, chosen_fields=(*told, *tried))

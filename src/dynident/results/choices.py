@@ -14,7 +14,7 @@ from dynident.identification.problem.choices import (
     NoiseBias,
 )
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE, auto_friction, called
+from dynident.model.friction import WHOLE_PART, auto_friction, called
 from dynident.model.friction.periodic import Periodic
 from dynident.results.text import (
     MISSING,
@@ -132,7 +132,7 @@ def _held_out(found: Sequence[FieldChoice], model: DynamicModel | None) -> Table
         Column("fastest", "%", numeric=True),
         Column("used"),
     )
-    open_parts = {(each.part, each.joints) for each in found if each.field == WHOLE}
+    open_parts = {(each.part, each.joints) for each in found if each.field == WHOLE_PART}
     order = list(dict.fromkeys(each.part for each in found))  # rows of a part stand together
     rows = tuple(
         (
@@ -179,20 +179,20 @@ def _not_tried(found: Sequence[FieldChoice], model: DynamicModel | None) -> list
         needs = "; it needs temperatures (log: columns: temperature)" if "temperature" in part.needs else needs
         needs = "; it needs the cycles of gear or motor (friction: periodic: {cycles: ...})" if part.cycle else needs
         if (name := called(part)) not in known:
-            rows.append((label(name), "all", WHOLE, "left out", f"not among the parts of the case{needs}"))
+            rows.append((label(name), "all", WHOLE_PART, "left out", f"not among the parts of the case{needs}"))
     return rows
 
 
 def _used(held: FieldChoice, is_start: bool) -> str:
     """Return which value the model has; of a whole part, whether it is there. Of an open part the given is a start."""
-    if held.field == WHOLE:
+    if held.field == WHOLE_PART:
         return "in the model" if held.value else "left out"
     return "given" if held.value == held.stated else "fitted" if is_start else "best"
 
 
 def _values(held: FieldChoice) -> tuple[str, str]:
     """Return the stated and the best value of a field; of a whole part, whether it is there."""
-    if held.field == WHOLE:
+    if held.field == WHOLE_PART:
         return "left out", "there" if held.best else "left out"
     return format_given(held.stated), format_number(held.best, 3)
 

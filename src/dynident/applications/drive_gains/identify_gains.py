@@ -16,7 +16,7 @@ from dynident.applications.drive_gains.gravity import base_in_any_direction
 from dynident.applications.drive_gains.methods import METHODS
 from dynident.applications.drive_gains.payload import CarriedBody
 from dynident.applications.drive_gains.unknowns import Unknowns, unknowns_with_payload, unknowns_with_prior
-from dynident.arrays import Array
+from dynident.arrays import Array, vector_text
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, default_preprocessing
 from dynident.diagnosis.causes.column_readings import GAIN, variance_falls
@@ -137,7 +137,7 @@ def _leaning(
     angle, gain = degrees_off(gravity, stated), 2.0 * (plain - size)
     if gain < GAIN or angle < LEAN:
         return []
-    vector = ", ".join(f"{value + 0.0:.3g}" for value in gravity)
+    vector = vector_text(gravity, 3)
     return [
         (
             size,

@@ -21,8 +21,8 @@ STEPS, DONE, FAIR = 100, 1e-13, 0.1
 THIN = 1e-3
 
 
-def possible_body(ten: Array, information: Array, prior: Inertia, pull: float = PULL) -> Inertia:
-    """Return the body with min (x - ten)' information (x - ten) / 2 + pull * D(P(x), P(prior)) among all with P > 0.
+def possible_body(ten: Array, information: Array, prior: Inertia) -> Inertia:
+    """Return the body with min (x - ten)' information (x - ten) / 2 + PULL D(P(x), P(prior)) among all with P > 0.
 
     D is the entropic divergence tr(P0^-1 P) - log det(P0^-1 P) - 4 (Lee, Wensing and Park 2020): a barrier at the edge
     of what is possible, and where the data say nothing the prior. Newton's method along falling weights of D.
@@ -31,17 +31,16 @@ def possible_body(ten: Array, information: Array, prior: Inertia, pull: float = 
         ten: Found parameters in the order of TEN, shape (10,).
         information: Inverse covariance, zero in directions that are not determined, shape (10, 10).
         prior: A possible body.
-        pull: Weight of D.
 
     Raises:
         SolverFailed: Newton's method did not converge.
     """
     found = _BodyObjective(ten, information, prior)
     x, weight = found.start(), HIGHEST
-    while weight > pull:
+    while weight > PULL:
         x = found.nearest(x, weight, sure=False)
         weight /= LOWERED
-    return Inertia.from_vector(found.nearest(x, pull, sure=True))
+    return Inertia.from_vector(found.nearest(x, PULL, sure=True))
 
 
 class _BodyObjective:

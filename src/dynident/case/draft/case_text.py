@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dynident.arrays import vector_text
 from dynident.case.case import VERSIONS
 from dynident.case.draft.drive_text import drive_lines
 from dynident.case.draft.log_text import log_lines
@@ -23,7 +24,7 @@ from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over, longest_s
 from dynident.identification.problem.problem import rest_speeds
 from dynident.model.base_parameters import with_stated_rotors
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE, Friction, motor_ripple
+from dynident.model.friction import WHOLE_PART, Friction, motor_ripple
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.warm_up import WarmUp
 from dynident.robot_files import shipped_robots
@@ -143,7 +144,7 @@ def _head(found: Recognised, files: Files, remarks: Sequence[str]) -> list[str]:
 
 def _gravity(found: Recognised) -> list[str]:
     stated = np.asarray(found.robot.gravity)
-    value, followed, evidence = f"gravity: [{', '.join(f'{g:g}' for g in stated)}]", found.gravity, found.evidence
+    value, followed, evidence = f"gravity: [{vector_text(stated)}]", found.gravity, found.evidence
     telling = [] if evidence is None else evidence.ratios[np.array(evidence.telling)].tolist()
     if followed is None and found.effort == "torque" and telling and all(map(agrees, telling)):
         how = "the log's torques agree with it under the masses of the robot model"
@@ -152,7 +153,7 @@ def _gravity(found: Recognised) -> list[str]:
         return [offered(f"# {value}", "does the base stand upright? For a wall, a ceiling or a slope turn this vector")]
     if np.array_equal(followed, stated):
         return [f"# {value}   # m/s^2 in the base frame; the log's torques agree with it"]
-    better = ", ".join(f"{g + 0.0:.3g}" for g in followed)
+    better = vector_text(followed, 3)
     return [offered(f"# {value}", f"how does the base stand? the log's torques follow [{better}]")]
 
 
@@ -236,7 +237,7 @@ def _friction(found: Recognised, files: Files) -> list[str]:
 
 def _optional_rotors(found: Recognised) -> list[str]:
     """Return the inertia of the motors: held-out samples decide, but where it acts as an inertia of bodies for sure."""
-    one, seen = RotorInertia(choose=(WHOLE,)), "of the motors, seen at the joints"
+    one, seen = RotorInertia(choose=(WHOLE_PART,)), "of the motors, seen at the joints"
     told = "of motors and belts: no motion tells it from inertia of the links; "
     told += "take the line out where the drives measure behind their gears"
     parts: Sequence[Friction] = [one]

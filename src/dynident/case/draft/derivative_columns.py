@@ -13,7 +13,7 @@ from dynident.arrays import Array
 DERIVATIVE = 0.98
 
 #: How far the joints' factors between them may differ from their median: they have one clock.
-ALIKE = 0.05
+ONE_CLOCK = 0.05
 
 #: Fewest columns that are taken for the joints of a log whose robot model has more; two may be so by chance.
 LEAST = 3
@@ -72,7 +72,7 @@ def derivatives(clock: Array, values: Array, runs: Sequence[tuple[int, ...]]) ->
         for by in (starts[_stride(of)].get(start, of) for start in followers.tolist()):
             pairs = tuple(np.array([(of[k], by[k]) for k in moving]).T)
             middle = float(np.median(factor[pairs]))
-            alike = np.abs(factor[pairs] / max(middle, 1e-300) - 1) < ALIKE
+            alike = np.abs(factor[pairs] / max(middle, 1e-300) - 1) < ONE_CLOCK
             if not set(of) & set(by) and np.all(close[pairs]) and np.all(alike):
                 found.append(Derivative(of, by, middle))
     return found

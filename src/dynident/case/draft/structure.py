@@ -16,7 +16,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.draft.column_groups import Group
 from dynident.case.draft.column_words import Meaning, is_unit_of, unit_of
-from dynident.case.draft.derivative_columns import ALIKE, MOVE, derivatives, joint_count, less_line, runs_of
+from dynident.case.draft.derivative_columns import MOVE, ONE_CLOCK, derivatives, joint_count, less_line, runs_of
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.readings import band, cutoff_from
 from dynident.case.draft.signal_units import position_factors, position_unit
@@ -302,7 +302,7 @@ def _measured(clock: Array, values: Array, runs: Sequence[tuple[int, ...]]) -> t
 
 def _clock_unit(factor: float) -> float:
     """Return how many units of the time's column are a second, from the factor that its derivatives need."""
-    return next((unit for unit in (1e3, 1e6, 1e9) if abs(factor / unit - 1) < ALIKE), 1.0)
+    return next((unit for unit in (1e3, 1e6, 1e9) if abs(factor / unit - 1) < ONE_CLOCK), 1.0)
 
 
 def _common_rate(factor: float) -> float:

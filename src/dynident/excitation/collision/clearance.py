@@ -26,9 +26,6 @@ from dynident.model.shapes import Capsule
 #: Postures that are drawn to find pairs that can never be kept apart.
 POSTURES = 2000
 
-#: A distance in m that changes by less over all of them is constant but for rounding.
-SAME = 1e-6
-
 #: Links with one link between them whose shapes leave less than this much beyond what is required, in m, are not told
 #: apart by shapes so coarse.
 ROOM = 5e-3

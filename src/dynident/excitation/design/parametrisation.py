@@ -91,16 +91,6 @@ def parametrise(kind: str, period: float, harmonics: int) -> Parametrisation:
     return Parametrisation(kind, float(period), harmonics, designable(kind).free_map(harmonics))
 
 
-def of_table(kind: str, table: Array, period: float) -> Designable:
-    """Return a trajectory from its rows, shape (n, C).
-
-    Raises:
-        UnknownChoice: Another kind.
-        BadOption: Rows that are none of the kind.
-    """
-    return designable(kind).from_table(list(table), period)
-
-
 def kind_of(trajectory: Designable) -> str:
     """Return the name of a trajectory's kind."""
     return TRAJECTORIES.name_of(trajectory)

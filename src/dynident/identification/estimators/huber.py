@@ -9,7 +9,7 @@ import numpy as np
 from dynident.errors import BadOption
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.problem import Problem
-from dynident.identification.residuals.robust import huber_loss, robust_fit, robust_run, robust_uncertainty
+from dynident.identification.residuals.robust import huber_loss, robust_fit, robust_solution
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.reduction import least_squares
 from dynident.plugins import bounded
@@ -47,6 +47,4 @@ class Huber(Estimator):
         passes, loss = RowPasses(problem), huber_loss(self.bound)
         start = least_squares(problem.reduced()).beta
         fit = robust_fit(passes, loss, start, None, self.iterations, self.tolerance)
-        run = robust_run(passes, loss, fit, fit.iterations)
-        found = robust_uncertainty(passes, loss, fit)
-        return Solution(fit.beta, 1.0 / fit.scale, covariance=found.covariance, degrees=found.degrees, run=run)
+        return robust_solution(passes, loss, fit, fit.iterations)

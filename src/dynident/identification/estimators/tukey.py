@@ -9,13 +9,7 @@ import numpy as np
 from dynident.errors import BadOption
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.problem import Problem
-from dynident.identification.residuals.robust import (
-    biweight_loss,
-    huber_loss,
-    robust_fit,
-    robust_run,
-    robust_uncertainty,
-)
+from dynident.identification.residuals.robust import biweight_loss, huber_loss, robust_fit, robust_solution
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.reduction import least_squares
 from dynident.plugins import bounded
@@ -57,6 +51,4 @@ class Tukey(Estimator):
         plain = least_squares(problem.reduced()).beta
         start = robust_fit(passes, huber_loss(START), plain, None, self.iterations, self.tolerance)
         fit = robust_fit(passes, loss, start.beta, start.scale, self.iterations, self.tolerance)
-        run = robust_run(passes, loss, fit, start.iterations + fit.iterations)
-        found = robust_uncertainty(passes, loss, fit)
-        return Solution(fit.beta, 1.0 / fit.scale, covariance=found.covariance, degrees=found.degrees, run=run)
+        return robust_solution(passes, loss, fit, start.iterations + fit.iterations)

@@ -15,9 +15,7 @@ from dynident.model.reduction import Reduced, least_squares
 FEWEST_FREE = 0.1
 
 
-def correlation_factors(
-    residuals: Sequence[Array], masks: Sequence[BoolArray] | None = None, longest: float = 0.25
-) -> Array:
+def correlation_factors(residuals: Sequence[Array], masks: Sequence[BoolArray] | None = None) -> Array:
     """Return how much the rows of each joint hang together: the integrated autocorrelation of its residual, >= 1.
 
     The sum 1 + 2 sum rho_k is cut at the first negative pair (Geyer 1992); filtered or modelled badly, residuals are
@@ -26,7 +24,6 @@ def correlation_factors(
     Args:
         residuals: Residuals of each log over the rows used, shape (N, n) each.
         masks: Which of them count in the fit, shape (N, n) each; None: all. Those that do not are taken as zero.
-        longest: Share of a log that the sum may reach over.
 
     Returns:
         Shape (n,).
@@ -36,16 +33,16 @@ def correlation_factors(
     for residual, mask in zip(residuals, counting, strict=True):
         count = mask.sum(axis=0)
         pairs = zip(residual.T, mask.T, strict=True)
-        total += count * np.array([_integrated(column, keep, longest) for column, keep in pairs])
+        total += count * np.array([_integrated(column, keep) for column, keep in pairs])
         rows += count
     return np.where(rows > 0, total / np.maximum(rows, 1), 1.0)
 
 
-def _integrated(residual: Array, keep: BoolArray, longest: float) -> float:
+def _integrated(residual: Array, keep: BoolArray) -> float:
     if np.count_nonzero(keep) < 2:
         return 1.0
     centred = np.where(keep, residual - residual[keep].mean(), 0.0)
-    lags = max(2, int(longest * len(centred)))
+    lags = max(2, len(centred) // 4)  # as far as the sum may reach
     size = 2 ** int(np.ceil(np.log2(len(centred) + lags)))  # so that none of these lags comes round
     spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
     covariance = np.fft.irfft(spectrum, size)[:lags]

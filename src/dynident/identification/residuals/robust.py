@@ -15,6 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.errors import SolverFailed
+from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem, check_rank
 from dynident.identification.residuals.bands import bands
@@ -168,9 +169,15 @@ def robust_uncertainty(passes: RowPasses, loss: Loss, fit: RobustFit) -> Uncerta
     return uncertainty_of(bands(passes), psi, influence)
 
 
-def robust_run(passes: RowPasses, loss: Loss, fit: RobustFit, iterations: int) -> MethodRun:
-    """Return what a robust method states of its run."""
+def robust_solution(passes: RowPasses, loss: Loss, fit: RobustFit, iterations: int) -> Solution:
+    """Return a fit with its covariance and what a robust method states of its run.
+
+    Raises:
+        SolverFailed: As :func:`robust_uncertainty`.
+    """
     weights = np.where(passes.counting, loss.weight(fit.standard), 1.0)
     low, none = weights < 0.5, weights == 0.0
     counts = {"down_weighted": low.sum(axis=0).tolist(), "rejected": none.sum(axis=0).tolist()}
-    return MethodRun(iterations=iterations, scale=fit.scale.tolist(), **counts)
+    run = MethodRun(iterations=iterations, scale=fit.scale.tolist(), **counts)
+    found = robust_uncertainty(passes, loss, fit)
+    return Solution(fit.beta, 1.0 / fit.scale, covariance=found.covariance, degrees=found.degrees, run=run)

@@ -17,7 +17,7 @@ from dynident.identification.problem.prior import PULL
 from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import RegressorStream, Segments
 from dynident.identification.residuals.row_passes import RowPasses
-from dynident.model.friction import WHOLE, Motion, called
+from dynident.model.friction import WHOLE_PART, Motion, called
 from dynident.model.reduction import least_squares
 
 #: Step of the logarithm of a field on either side, for its slope.
@@ -100,7 +100,7 @@ def mass_matrix(estimate: Estimate, q: Array) -> tuple[Array, Array]:
     return value, np.sqrt(np.maximum(np.einsum("jib,bc,jic->ij", slopes, estimate.covariance, slopes), 0.0))
 
 
-def gain_slopes(problem: Problem, weights: Array, passes: RowPasses | None = None) -> Array:
+def gain_slopes(problem: Problem, weights: Array) -> Array:
     """Return the slopes of weighted least squares by the relative errors of the gains, shape (b, n).
 
     Of beta = A^-1 sum_j w_j^2 X_j' tau_j with tau = C' K i, the slope by the relative error of gain k is
@@ -109,10 +109,8 @@ def gain_slopes(problem: Problem, weights: Array, passes: RowPasses | None = Non
     Args:
         problem: The problem; its torques are gains times currents.
         weights: Weight of each joint's rows, shape (n,).
-        passes: The rows, where they are there already.
     """
-    passes = passes or RowPasses(problem)
-    coupling = np.asarray(problem.model.robot.coupling)
+    passes, coupling = RowPasses(problem), np.asarray(problem.model.robot.coupling)
     torque = np.concatenate([np.asarray(log.log.torque)[log.keep] for log in problem.logs])
     drives = torque @ np.linalg.inv(coupling)
     products = [
@@ -153,7 +151,7 @@ def field_covariance(problem: Problem, beta: Array, deviations: Array, factors: 
 
 def _found_fields(problem: Problem) -> Iterator[tuple[list[int], str]]:
     """Yield fields of friction parts whose values the logs have found: places of the parts that share it, its name."""
-    chosen = [own for own in problem.choices.chosen_fields or () if own.field != WHOLE and own.value != own.stated]
+    chosen = [own for own in problem.choices.chosen_fields or () if own.field != WHOLE_PART and own.value != own.stated]
     for each in (*(problem.choices.non_linear or ()), *chosen):
         parts = [
             p

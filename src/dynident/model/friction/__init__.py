@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dynident.errors import BrokenPart
 from dynident.model.friction._motion import Motion
-from dynident.model.friction.base import WHOLE, Coefficient, Friction, SelectionUse
+from dynident.model.friction.base import WHOLE_PART, Coefficient, Friction, SelectionUse
 from dynident.plugins import Family
 
 if TYPE_CHECKING:
@@ -52,13 +52,13 @@ def motor_ripple(robot: Robot) -> tuple[Friction, ...]:
     for joint in robot.active:
         if (ratio := abs(joint.drive.gear_ratio)) != 1.0:
             ratios[ratio] = (*ratios.get(ratio, ()), joint.name)
-    options = ({"cycles": ratio, "joints": joints, "choose": (WHOLE,)} for ratio, joints in ratios.items())
+    options = ({"cycles": ratio, "joints": joints, "choose": (WHOLE_PART,)} for ratio, joints in ratios.items())
     return tuple(FRICTION.make("periodic", own) for own in options)
 
 
 __all__ = [
     "FRICTION",
-    "WHOLE",
+    "WHOLE_PART",
     "Coefficient",
     "Friction",
     "Motion",

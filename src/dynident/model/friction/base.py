@@ -27,8 +27,9 @@ from dynident.model.kernels.trace import (
     tangent_hyperbolic,
 )
 
-__all__ = ["WHOLE", "Coefficient", "Friction", "Inputs", "Motion", "Number", "Range", "SelectionUse", "State", "power"]
-__all__ += ["check_positive", "cosine", "exponential", "larger", "sine", "smaller", "smooth_sign", "tangent_hyperbolic"]
+__all__ = ["WHOLE_PART", "Coefficient", "Friction", "Inputs", "Motion", "Number", "Range", "SelectionUse", "State"]
+__all__ += ["check_positive", "cosine", "exponential", "larger", "power", "sine", "smaller", "smooth_sign"]
+__all__ += ["tangent_hyperbolic"]
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ class SelectionUse:
 
 
 #: What ``choose`` names where the logs decide whether a part is there at all.
-WHOLE = "part"
+WHOLE_PART = "part"
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,7 @@ class Friction(ABC):
     @property
     def is_optional(self) -> bool:
         """Whether it is only there if held-out samples of the log ask for it."""
-        return WHOLE in (self.choose or ())
+        return WHOLE_PART in (self.choose or ())
 
     @property
     def is_default(self) -> bool:

@@ -1,8 +1,7 @@
 """The dynamics of a chain over many samples: the calls that the rest of the package uses.
 
 Shapes: N samples, n joints, l links; q in rad or m, dq and ddq its derivatives, theta (10 l,) in SI units about the
-link frames. Every call accepts N = 0 and ``threads``, which shares the samples among Python threads (the kernels hold
-no interpreter lock).
+link frames. Every call accepts N = 0.
 
 Each call runs a kernel that is generated for the robot on its first use (about a tenth of a second, kept for the
 process), or, for robots too large for that, the generic kernel that numba compiles once per installation. They agree to
@@ -13,38 +12,22 @@ in that sample; so do joint angles beyond 2^31 rad, whose sine the generated ker
 
 from __future__ import annotations
 
-import itertools
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array
-from dynident.errors import SolverFailed
 from dynident.model.kernels.generated import chain_kernel, evaluated_once
 from dynident.model.kernels.inputs import parameters, samples
 from dynident.model.kernels.joint_columns import JointColumns
 from dynident.model.robot import Chain
 
-__all__ = [
-    "JointColumns",
-    "forward_dynamics",
-    "inverse_dynamics",
-    "link_poses",
-    "mass_matrix",
-    "torque_regressor",
-    "weight_torques",
-]
-
-#: Fewer samples than this are not worth a thread of their own.
-SHARE = 512
+__all__ = ["JointColumns", "inverse_dynamics", "link_poses", "mass_matrix", "torque_regressor", "weight_torques"]
 
 
 def torque_regressor(
-    chain: Chain, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, threads: int = 1, once: bool = False
+    chain: Chain, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, once: bool = False
 ) -> Array:
     """Return Y with tau = Y theta.
 
@@ -53,7 +36,6 @@ def torque_regressor(
         q: Positions, shape (N, n).
         dq: Velocities, shape (N, n).
         ddq: Accelerations, shape (N, n).
-        threads: Number of threads.
         once: For a few samples of a robot that will not be asked for again: NumPy, and nothing is compiled.
 
     Returns:
@@ -68,19 +50,19 @@ def torque_regressor(
         return found.reshape(len(q), chain.joints, 10 * chain.links)
     kernel = chain_kernel(chain, "regressor")
     if kernel is None:
-        return _generic_regressor(chain, q, dq, ddq, threads)
+        return _generic_regressor(chain, q, dq, ddq)
     out = np.empty((len(q), chain.joints, 10 * chain.links))
-    _share(len(q), threads, lambda s: kernel.run((q[s], dq[s], ddq[s]), (out[s],), len(q[s])))
+    kernel.run((q, dq, ddq), (out,), len(q))
     return out
 
 
-def _generic_regressor(chain: Chain, q: Array, dq: Array, ddq: Array, threads: int) -> Array:
+def _generic_regressor(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
     from dynident.model.kernels import generic_batches  # numba loads with the first call
     from dynident.model.kernels.generic import pack
 
     links, tables = chain.links, pack(chain)
     out = np.empty((len(q), links * 10 * links))
-    _share(len(q), threads, lambda s: generic_batches.regressor(*tables, q[s], dq[s], ddq[s], out[s]))
+    generic_batches.regressor(*tables, q, dq, ddq, out)
     rows = out.reshape(len(q), links, 10 * links)
     if np.array_equal(chain.joint, np.arange(chain.joints)):
         return rows
@@ -91,7 +73,7 @@ def _generic_regressor(chain: Chain, q: Array, dq: Array, ddq: Array, threads: i
 
 
 def inverse_dynamics(
-    chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, threads: int = 1
+    chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
 ) -> Array:
     """Return the joint torques tau = M ddq + c + g, shape (N, n), in N m or N.
 
@@ -101,7 +83,6 @@ def inverse_dynamics(
         q: Positions, shape (N, n).
         dq: Velocities, shape (N, n).
         ddq: Accelerations, shape (N, n).
-        threads: Number of threads.
 
     Raises:
         ValueError: A shape is wrong.
@@ -111,13 +92,13 @@ def inverse_dynamics(
     out = np.empty((len(q), chain.joints))
     kernel = chain_kernel(chain, "torque")
     if kernel is not None:
-        _share(len(q), threads, lambda s: kernel.run((theta, q[s], dq[s], ddq[s]), (out[s],), len(q[s])))
+        kernel.run((theta, q, dq, ddq), (out,), len(q))
         return out
     from dynident.model.kernels import generic_batches
     from dynident.model.kernels.generic import pack
 
     tables = pack(chain)
-    _share(len(q), threads, lambda s: generic_batches.inverse_dynamics(*tables, theta, q[s], dq[s], ddq[s], out[s]))
+    generic_batches.inverse_dynamics(*tables, theta, q, dq, ddq, out)
     return out
 
 
@@ -143,14 +124,13 @@ def weight_torques(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, fields:
     return out
 
 
-def mass_matrix(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, threads: int = 1, once: bool = False) -> Array:
+def mass_matrix(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, once: bool = False) -> Array:
     """Return the joint-space mass matrices M(q), shape (N, n, n), symmetric.
 
     Args:
         chain: The robot.
         theta: Inertial parameters, shape (10 l,); physical or not.
         q: Positions, shape (N, n).
-        threads: Number of threads.
         once: For a few samples of a robot that will not be asked for again: NumPy, and nothing is compiled.
 
     Raises:
@@ -164,77 +144,22 @@ def mass_matrix(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, threads: i
     out = np.empty((len(q), chain.joints, chain.joints))
     kernel = chain_kernel(chain, "mass")
     if kernel is not None:
-        _share(len(q), threads, lambda s: kernel.run((theta, q[s]), (out[s],), len(q[s])))
+        kernel.run((theta, q), (out,), len(q))
         return out
     from dynident.model.kernels import generic_batches
     from dynident.model.kernels.generic import pack
 
     links, reals, _ = pack(chain)
-    _share(len(q), threads, lambda s: generic_batches.mass_matrix(links, reals, theta, q[s], out[s]))
+    generic_batches.mass_matrix(links, reals, theta, q, out)
     return out
 
 
-def forward_dynamics(
-    chain: Chain,
-    theta: npt.ArrayLike,
-    q: npt.ArrayLike,
-    dq: npt.ArrayLike,
-    tau: npt.ArrayLike,
-    armature: npt.ArrayLike | None = None,
-    threads: int = 1,
-) -> Array:
-    """Return the accelerations ddq with (M + armature) ddq + c + g = tau, shape (N, n), in rad/s^2 or m/s^2.
-
-    The system is solved by LU, so that a mass matrix that is not positive definite (non-physical parameters) works.
-    The kernel is always the generic one.
-
-    Args:
-        chain: The robot.
-        theta: Inertial parameters, shape (10 l,); physical or not.
-        q: Positions, shape (N, n).
-        dq: Velocities, shape (N, n).
-        tau: Joint torques, shape (N, n).
-        armature: Added to the mass matrix (rotor inertia seen at the joints), shape (n, n); None for none.
-        threads: Number of threads.
-
-    Raises:
-        ValueError: A shape is wrong.
-        SolverFailed: The mass matrix of a sample is singular or not finite.
-    """
-    from dynident.model.kernels import generic_batches
-    from dynident.model.kernels.generic import pack
-
-    q, dq, tau = samples(chain, {"q": q, "dq": dq, "tau": tau})
-    theta = parameters(chain, theta)
-    size = chain.joints
-    added = np.zeros((size, size)) if armature is None else np.array(armature, dtype=np.float64)
-    if added.shape != (size, size):
-        raise ValueError(f"armature has shape {added.shape}, expected {(size, size)}")
-    added.setflags(write=False)
-    out = np.array(tau)
-    tables = pack(chain)
-
-    def work(s: slice) -> None:
-        failed = generic_batches.forward_dynamics(*tables, theta, added, q[s], dq[s], out[s])
-        if failed >= 0:
-            sample = s.start + failed
-            raise SolverFailed(
-                "forward dynamics",
-                f"the mass matrix of sample {sample} is singular or not finite, q = {np.round(q[sample], 6).tolist()}",
-                "check the inertial parameters: a joint moves no inertia there (a known rotor inertia would help)",
-            )
-
-    _share(len(q), threads, work)
-    return out
-
-
-def link_poses(chain: Chain, q: npt.ArrayLike, threads: int = 1) -> tuple[Array, Array]:
+def link_poses(chain: Chain, q: npt.ArrayLike) -> tuple[Array, Array]:
     """Return the poses of the link frames in the base frame.
 
     Args:
         chain: The robot.
         q: Positions, shape (N, n).
-        threads: Number of threads.
 
     Returns:
         Rotations (N, l, 3, 3) and translations (N, l, 3) in m.
@@ -246,25 +171,11 @@ def link_poses(chain: Chain, q: npt.ArrayLike, threads: int = 1) -> tuple[Array,
     out = np.empty((len(q), chain.links, 12))
     kernel = chain_kernel(chain, "frames")
     if kernel is not None:
-        _share(len(q), threads, lambda s: kernel.run((q[s],), (out[s],), len(q[s])))
+        kernel.run((q,), (out,), len(q))
     else:
         from dynident.model.kernels import generic_batches
         from dynident.model.kernels.generic import pack
 
         links, reals, _ = pack(chain)
-        _share(len(q), threads, lambda s: generic_batches.link_poses(links, reals, q[s], out[s]))
+        generic_batches.link_poses(links, reals, q, out)
     return out[:, :, :9].reshape(len(q), chain.links, 3, 3), out[:, :, 9:].copy()
-
-
-def _share(samples: int, threads: int, work: Callable[[slice], None]) -> None:
-    """Call ``work`` on slices that cover the samples, on up to ``threads`` threads."""
-    if threads < 1:
-        raise ValueError(f"threads is {threads}, expected 1 or more")
-    parts = min(threads, max(1, samples // SHARE))
-    if parts == 1 or (parts := min(parts, os.cpu_count() or 1)) == 1:
-        work(slice(0, samples))
-        return
-    edges = np.linspace(0, samples, parts + 1).astype(int)
-    with ThreadPoolExecutor(parts) as pool:
-        for done in [pool.submit(work, slice(int(a), int(b))) for a, b in itertools.pairwise(edges)]:
-            done.result()

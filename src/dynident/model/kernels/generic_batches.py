@@ -7,13 +7,11 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.model.kernels.generic import (
     WORK,
-    bias_torque,
     cross,
     joint_mass,
     motion,
     place,
     rotate,
-    solve,
     torque_of_motion,
     turn_back,
 )
@@ -127,30 +125,6 @@ def mass_matrix(links: IntArray, reals: Array, theta: Array, q: Array, out: Arra
     work = np.empty((len(links) + 1, WORK))
     for s in range(len(q)):
         joint_mass(links, reals, theta, q[s], out[s], work)
-
-
-@compiled
-def forward_dynamics(
-    links: IntArray, reals: Array, gravity: Array, theta: Array, armature: Array, q: Array, dq: Array, out: Array
-) -> int:
-    """Turn the torques out (N, n) into accelerations; return the first sample with a singular mass matrix, or -1."""
-    joints = q.shape[1]
-    work, mass, bias, scale = (
-        np.empty((len(links) + 1, WORK)),
-        np.empty((joints, joints)),
-        np.empty(joints),
-        np.empty(joints),
-    )
-    for s in range(len(q)):
-        bias_torque(links, reals, gravity, theta, q[s], dq[s], bias, work)
-        joint_mass(links, reals, theta, q[s], mass, work)
-        for i in range(joints):
-            out[s, i] -= bias[i]
-            for k in range(joints):
-                mass[i, k] += armature[i, k]
-        if not solve(mass, out[s], scale):
-            return s
-    return -1
 
 
 @compiled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, is_dataclass
 from functools import lru_cache
 from importlib.metadata import version
@@ -258,8 +258,3 @@ def figures_of(outcome: Outcome, contest: Contest, motion: Designable) -> dict[s
 def _ratio(part: Array, whole: Array) -> float | None:
     size = float(np.linalg.norm(whole))
     return finite(float(np.linalg.norm(part)) / size) if size > 0 else None
-
-
-def conditions(tasks: Sequence[VirtualTask]) -> tuple[tuple[str, str, float], ...]:
-    """Return the conditions of tasks, each once, in their order."""
-    return tuple(dict.fromkeys(task.condition for task in tasks))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, vector_text
 from dynident.errors import BadOption
 from dynident.exports.models.subject.drives import drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
@@ -107,7 +107,7 @@ def _facts(subject: Identified, prefix: str, scale: float) -> dict[str, str]:
         "ORIGIN": subject.origin,
         "DIGEST": hashlib.sha256(digest.encode("ascii")).hexdigest(),
         "NAMES": "\n".join(names),
-        "GRAVITY": ", ".join(f"{value:.6g}" for value in robot.gravity),
+        "GRAVITY": vector_text(robot.gravity),
         "JOINTS": str(robot.dof),
         "PARAMETERS": str(subject.estimate.base.count),
         "SCALE": repr(float(scale)),

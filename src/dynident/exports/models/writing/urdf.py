@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, vector_text
 from dynident.errors import BadOption
 from dynident.exports.models.subject.drives import Drives
 from dynident.exports.models.subject.identified import Identified
@@ -57,8 +57,7 @@ def gravity_note(subject: Identified, noun: str) -> list[str]:
     gravity = subject.model.robot.gravity
     if np.array_equal(gravity, STANDARD_GRAVITY):
         return []
-    vector = ", ".join(f"{g:g}" for g in gravity)
-    return [f"gravity is ({vector}) m/s², which {noun} cannot say: set it where it is loaded"]
+    return [f"gravity is ({vector_text(gravity)}) m/s², which {noun} cannot say: set it where it is loaded"]
 
 
 def between_note(subject: Identified, noun: str) -> list[str]:

@@ -105,7 +105,7 @@ class ColumnPool:
         """Return which columns models have whose drives have the parts ``sets[k][drive]``, shape (m, c)."""
         return np.stack([np.isin(np.arange(len(self.nonnegative)), self.chosen(own)) for own in sets])
 
-    def weights(self, sets: Sequence[Sequence[int]], passes: int = 4) -> Array:
+    def weights(self, sets: Sequence[Sequence[int]]) -> Array:
         """Return the weight of each joint's rows by its own residual in a fit of all blocks, shape (n,)."""
         keep, rows = self.chosen(sets), np.maximum(self.rows.sum(axis=0), 1)
         among = np.full(self.size, -1)
@@ -116,7 +116,7 @@ class ColumnPool:
             at = among[own[there]]
             whole[at[:, None], at] = each[there[:, None], there]
         weights, own = np.ones(len(total)), np.arange(len(keep))
-        for _ in range(passes):
+        for _ in range(4):
             mixed = np.append(fit(np.tensordot(weights**2, total, 1), own), -1.0)
             weights = np.sqrt(rows / np.maximum((total @ mixed) @ mixed, 1e-20 * total[:, -1, -1] + 1e-300))
         return weights

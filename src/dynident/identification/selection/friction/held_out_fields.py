@@ -41,7 +41,7 @@ from dynident.identification.selection.friction.parts_by_drive import (
     with_values,
 )
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE, called
+from dynident.model.friction import WHOLE_PART, called
 
 #: Values over its range of a width or of a part's first field, and of a further field beside so many on both sides of
 #: the best of these.
@@ -230,9 +230,9 @@ class FrictionSearch:
         """Return what is said of a part, from the logarithms of the blocks' errors without less those with it (B,)."""
         part, taken = self.stated.friction[p], float(is_taken)
         if gaps is None:
-            return FieldChoice(called(part), part.joints, WHOLE, 0.0, 0.0, 0.0, 0.0, None, None, not_tried)
+            return FieldChoice(called(part), part.joints, WHOLE_PART, 0.0, 0.0, 0.0, 0.0, None, None, not_tried)
         best = taken or float(np.mean(gaps) > 0)
-        return FieldChoice(called(part), part.joints, WHOLE, 0.0, best, taken, *evidence(gaps))
+        return FieldChoice(called(part), part.joints, WHOLE_PART, 0.0, best, taken, *evidence(gaps))
 
     def _own_fields(self, p: int) -> list[str]:
         """Return the fields that are left to the logs; none of a part in the place of others, which is as stated."""

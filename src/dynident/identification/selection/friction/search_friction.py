@@ -17,7 +17,7 @@ from dynident.identification.selection.friction.held_out_fields import FrictionS
 from dynident.identification.selection.friction.parts_by_drive import by_drive, by_unit
 from dynident.identification.selection.friction.variable_projection import all_spans, without_optional
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE, called
+from dynident.model.friction import WHOLE_PART, called
 
 #: Shares of a delay that are compared in a period of the cut-off, a straight line between two of them, and at most.
 STRAIGHT, MOST = 20, 12
@@ -49,7 +49,7 @@ def search_friction(
     Raises:
         BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
     """
-    pieces = [by_unit(model, part) if set(part.choose or ()) - {WHOLE} else (part,) for part in model.friction]
+    pieces = [by_unit(model, part) if set(part.choose or ()) - {WHOLE_PART} else (part,) for part in model.friction]
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
     shared = shared or SharedRows(model.robot, [log.sparser(ROWS) for log in logs])
     logs = shared.under(logs)
@@ -84,6 +84,6 @@ def predicts_better(
         weights = pool.weights(parts) if weights is None else weights
         found += replace(HeldOut.of(pool, parts, [parts], weights), always=np.zeros(1, dtype=bool)).errors()
     gain, error, fastest = evidence(np.subtract(*found))
-    told = (WHOLE, 0.0, float(gain > 0), float(gain > NOTHING), gain, error, fastest)
+    told = (WHOLE_PART, 0.0, float(gain > 0), float(gain > NOTHING), gain, error, fastest)
     parts = [part for part in model.friction if part.lags and part.is_optional]
     return gain > NOTHING, tuple(FieldChoice(called(part), part.joints, *told) for part in parts)

@@ -19,7 +19,7 @@ from dynident.errors import BadOption
 from dynident.identification.problem.choices import FieldEstimate
 from dynident.identification.selection.friction.load import default_load
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import WHOLE, Friction, called
+from dynident.model.friction import WHOLE_PART, Friction, called
 
 #: Values of a field that are compared, and steps from the best of them at most.
 VALUES, TURNS = 7, 10
@@ -121,10 +121,10 @@ def spans_of(
     """
     spans = {}
     for name in getattr(part, asked) or ():
-        if asked == "choose" and name == WHOLE:
+        if asked == "choose" and name == WHOLE_PART:
             continue
         if name not in part.ranges:
-            known = ", ".join((*part.ranges, *[WHOLE] * (asked == "choose")))
+            known = ", ".join((*part.ranges, *[WHOLE_PART] * (asked == "choose")))
             raise BadOption(asked, name, f"the part '{called(part)}' can {asked}: {known or 'nothing; leave it out'}")
         if name in (part.vary or ()) and name in (part.choose or ()):
             raise BadOption(asked, name, "name a field in vary or in choose, not in both")
