@@ -27,6 +27,9 @@ FLEET_FILE = "fleet.json"
 #: Parameters that the table on the terminal shows.
 SHOWN = 20
 
+#: Robots up to which only gross outliers are told (docs/fleet.md, "Where it does not help").
+FEW = 6
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
@@ -114,7 +117,7 @@ def _show(fleet: Fleet) -> None:
     count = len(fleet.robots)
     console.answer(f"{fleet.robots[0].model.robot.name}: {count} robots, {fleet.base.count} base parameters\n")
     heads = (
-        Column("robot"), Column("own share", "%", numeric=True), Column("p", numeric=True), Column("consistent"),
+        Column("robot"), Column("own share", "%", numeric=True), Column("p of any", numeric=True), Column("consistent"),
         Column("furthest parameter"), Column("score", numeric=True), Column("verdict"),
     )  # fmt: skip
     rows = []
@@ -124,7 +127,7 @@ def _show(fleet: Fleet) -> None:
         verdict = "OUT" if robot.name in found.out else "belongs" if found.tested else "not tested"
         consistent = "yes" if estimate.consistency.consistent else "NO"
         furthest = shortened(label(fleet.base.names[distance.parameter]), 30)
-        numbers = format_percent(float(np.median(share)), sign=False), format_number(distance.p, 2)
+        numbers = format_percent(float(np.median(share)), sign=False), format_number(min(1.0, distance.p * count), 2)
         score = format_number(float(distance.scores[distance.parameter]), 2)
         rows.append((label(robot.name), *numbers, consistent, furthest, score, verdict))
     console.answer_table(Table(heads, tuple(rows)))
@@ -153,8 +156,9 @@ def _show(fleet: Fleet) -> None:
                 f"spread of {told['spread']:.2g}; chi-square {distance.chi_square:.1f} over {distance.rank}, "
                 f"p {found.adjusted[distance.name]:.2g} after {count} comparisons"
             )
+    few = f"; {count} robots tell gross ones alone: look at the furthest parameters" if count <= FEW else ""
     if not found.out and found.tested:
-        console.answer(f"no robot is out at a family-wise rate of {100 * found.rate:g} %")
+        console.answer(f"no robot is out at a family-wise rate of {100 * found.rate:g} %{few}")
     if not found.tested:
         console.answer(f"{count} robots are too few to say that one is out; four or more are needed")
     if not population.settled:

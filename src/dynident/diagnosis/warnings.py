@@ -16,7 +16,7 @@ from dynident.diagnosis.verdict import check_lines, is_too_short, model_doubt, q
 from dynident.identification.consistency.log_cholesky_fit import UNFINISHED
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
-from dynident.identification.problem.choices import CutoffSensitivity
+from dynident.identification.problem.choices import Choices
 from dynident.model.friction import called
 
 #: Total relative error of the fit above which a model explains too little.
@@ -68,7 +68,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None, new: NewLog 
     found += _gains(estimate)
     found += _position_noise(estimate)
     found += _one_sided(estimate)
-    moved = _sensitivity(estimate.choices.cutoff_sensitivity, estimate.choices.position_noise is not None)
+    moved = _sensitivity(estimate.choices)
     if moved:
         found.append(moved)
     if name := estimate.choices.constraints_not_kept:
@@ -286,8 +286,9 @@ def _torques(validation: Validation) -> dict[str, str]:
     return {name: f"{name}: {text}" for name, text in found.items()}
 
 
-def _sensitivity(found: CutoffSensitivity | None, is_noisy: bool) -> str:
-    """Return a warning where a parameter moves far with the cut-off, else nothing; noise is that of the positions."""
+def _sensitivity(choices: Choices) -> str:
+    """Return a warning where a parameter moves far with the cut-off, else nothing."""
+    found, is_noisy = choices.cutoff_sensitivity, choices.position_noise is not None
     far = [row for row in (found.table if found is not None else ()) if row.beyond_chance > FAR]
     if found is None or not far:
         return ""
@@ -296,5 +297,5 @@ def _sensitivity(found: CutoffSensitivity | None, is_noisy: bool) -> str:
         f"{worst.farthest} moves by {worst.beyond_chance:.2g} of its standard deviations where the cut-off is "
         f"{worst.cutoff_hz:g} Hz in place of {found.cutoff_hz:g} Hz: "
         f"{'noise of the positions or ' * is_noisy}the model error (friction, flexible joints, time delay) exceeds the "
-        "stated standard deviations; compare cut-offs, or use cutoff_hz: auto"
+        f"stated standard deviations; compare cut-offs{', or use cutoff_hz: auto' * (choices.cutoff_choice is None)}"
     )

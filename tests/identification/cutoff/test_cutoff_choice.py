@@ -19,7 +19,7 @@ from dynident.identification.problem.problem import unreduced
 from dynident.identification.residuals.coloured import spectral_uncertainty
 from dynident.identification.selection.cutoff import choice
 from dynident.identification.selection.cutoff.block_triangles import block_triangles
-from dynident.identification.selection.cutoff.candidates import Bench, stretch_of, thinned_out
+from dynident.identification.selection.cutoff.candidates import Bench, CutoffCandidate, stretch_of, thinned_out
 from dynident.identification.selection.cutoff.choice import choose_cutoff, with_cutoff
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
@@ -186,3 +186,14 @@ def test_motion_is_imitated_with_the_detail_that_noise_leaves(
     errors: list[tuple[float, float]], best: int, sharpest: int
 ) -> None:
     assert choice.sharpest_of(errors, best) == sharpest
+
+
+def test_a_cut_off_within_the_motion_does_not_win_by_its_own_small_torque() -> None:
+    """At 1 Hz hardly any torque of the second parameter passes: only by what passes there it is the best."""
+
+    def one(hertz: float, variances: list[float], gram: list[float]) -> CutoffCandidate:
+        return CutoffCandidate(hertz, np.zeros(2), np.diag(variances), np.zeros(2), np.diag(gram))
+
+    low, high, noisy = one(1, [0.1, 90.0], [1.0, 0.01]), one(4, [1.5, 1.5], [1.0, 1.0]), one(16, [4.0, 4.0], [1.0, 2.0])
+    assert sum(low.error(low.gram)) < sum(high.error(low.gram)) < sum(noisy.error(low.gram))
+    assert choice._metric([low, high, noisy]) is high.gram

@@ -237,8 +237,12 @@ def sharpest_of(errors: Sequence[tuple[float, float]], best: int) -> int:
 
 
 def _metric(found: Sequence[CutoffCandidate]) -> Array:
-    """Return the products that all are judged by: those of the candidate that is best by them."""
-    gram = found[0].gram
+    """Return the products that all are judged by: those of the candidate that is best by them.
+
+    Several may be; the highest one's is sought from above. A cut-off within the band of the motion leaves a smaller
+    torque to be predicted, and may be the best by its own products alone.
+    """
+    gram = found[-1].gram
     for _ in range(3):
         gram = found[int(np.argmin([sum(each.error(gram)) for each in found]))].gram
     return gram
