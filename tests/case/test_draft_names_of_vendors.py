@@ -77,16 +77,29 @@ def test_positions_of_kuka_that_are_set_are_the_commands(tmp_path: Path) -> None
     assert "which columns are the measured positions" in unknown.text  # words that nobody knows are asked
 
 
+def test_motor_states_of_unitree_are_those_of_joints(tmp_path: Path) -> None:
+    robot = read_robot("generic-6r")
+    motion = moved(robot)
+    columns = {"timestamp": motion["time"]}
+    columns |= {f"motor_state[{k}].q": motion["q"][:, k] for k in range(6)}
+    columns |= {f"motor_state[{k}].tau_est": motion["torque"][:, k] for k in range(6)}
+    draft = draft_case(write_robot(tmp_path / "arm.json", robot), write_log(tmp_path / "run.csv", columns), tmp_path)
+    assert "side:" not in draft.text and "position: rad" in draft.text
+    motors = {name.replace("state[", "side["): values for name, values in columns.items()}
+    other = draft_case(write_robot(tmp_path / "arm.json", robot), write_log(tmp_path / "b.csv", motors), tmp_path)
+    assert "side: {q: motor, torque: motor}" in other.text  # columns of motors are before the gears else
+
+
 def test_a_draft_without_positions_has_the_lines_that_need_none(tmp_path: Path) -> None:
     robot = read_robot("generic-6r")
     motion = moved(robot)
-    columns = {"t": motion["time"]}
+    columns = {"t_ms": 1e3 * motion["time"]}
     columns |= {f"{side}_pos{k + 1}": motion["q"][:, k] for side in ("near", "away") for k in range(6)}
     columns |= {f"iq{k + 1}": motion["torque"][:, k] for k in range(6)}
     draft = draft_case(write_robot(tmp_path / "arm.json", robot), write_log(tmp_path / "run.csv", columns), tmp_path)
     assert "which columns are the measured positions" in draft.text and "current: 'iq{}'" in draft.text
-    assert "delay_s: auto" in draft.text and "drives: ask" in draft.text
-    answers = {"which columns": "'near_pos{}'", "the unit of the time": "s", "the unit of the positions": "rad"}
+    assert "delay_s: auto" in draft.text and "drives: ask" in draft.text and "looked at; likely ms" in draft.text
+    answers = {"which columns": "'near_pos{}'", "the unit of the time": "ms", "the unit of the positions": "rad"}
     gains = ", ".join(f"{name}: {{gain: 1}}" for name in robot.joint_names)
     case = read(draft, tmp_path, {**answers, "the drives": f"{{{gains}}}"})
     np.testing.assert_allclose(np.asarray(case.read(case.train[0]).torque), motion["torque"])

@@ -196,4 +196,4 @@ def test_a_cut_off_within_the_motion_does_not_win_by_its_own_small_torque() -> N
 
     low, high, noisy = one(1, [0.1, 90.0], [1.0, 0.01]), one(4, [1.5, 1.5], [1.0, 1.0]), one(16, [4.0, 4.0], [1.0, 2.0])
     assert sum(low.error(low.gram)) < sum(high.error(low.gram)) < sum(noisy.error(low.gram))
-    assert choice._metric([low, high, noisy]) is high.gram
+    assert choice.metric_of([low, high, noisy]) is high.gram

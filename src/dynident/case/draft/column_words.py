@@ -142,6 +142,9 @@ _WRITTEN_TOGETHER = re.compile(
 _OF_KUKA = {"aipos": "ist pos ", "aspos": "soll pos ", "macur": "current "}
 _BY_KUKA = re.compile(rf"(?<![^\W_])({'|'.join(_OF_KUKA)})(?=[\W\d_]|a\d|$)", re.IGNORECASE)
 
+#: Names of Unitree's messages for what joints do, behind their gears.
+_BY_UNITREE = re.compile(r"motor_?state(?=\[)", re.IGNORECASE)
+
 #: Words for a joint that are written without a blank to what follows.
 _JOINT_SIGNS = re.compile("(关节|関節|轴|軸)")
 
@@ -149,6 +152,7 @@ _JOINT_SIGNS = re.compile("(关节|関節|轴|軸)")
 def tokens_of(name: str) -> list[str]:
     """Return the words and numbers of a name in small letters: ``jointPos_1`` is joint, pos, 1, ``qDes`` q, des."""
     name = name.replace("dynamic_joint_states", "joint_states")  # a topic of ros2_control
+    name = _BY_UNITREE.sub("state", name)
     name = _BY_KUKA.sub(lambda found: _OF_KUKA[found[1].lower()], name)
     name = _JOINT_SIGNS.sub(r" \1 ", _WRITTEN_TOGETHER.sub(r"\g<0> ", name))
     spaced = re.sub(r"(?<=[a-z][a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[qx])(?=[A-Z][a-z])", " ", name)

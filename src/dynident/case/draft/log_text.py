@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.actuators.lerobot_calibration import SHARES
-from dynident.case.draft.column_groups import groups_of_robot, split_time
+from dynident.case.draft.column_groups import groups_of_robot, split_time, unit_of_time
 from dynident.case.draft.column_words import is_pressure
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
@@ -261,6 +261,7 @@ def _unseen(found: Recognised, key: str, choices: str) -> str:
     signal = {"position": "q"}.get(key, key)
     each = units_in_names(found, signal) if signal in found.sources else ()
     likely = SignalUnit(each, False, "").text if each else stated_unit(found, signal) if signal in found.sources else ""
+    likely = unit_of_time(found.time, found.header) if key == "time" and found.time else likely
     return asked(f"    {key}", f"the unit of {which} ({choices}): it could not be looked at", likely)
 
 

@@ -206,13 +206,13 @@ def _tried(bench: Bench, lowest: float, highest: float) -> tuple[Judged, ...]:
         one = bench.candidate(hertz)
         if one is not None:
             found.append(one)
-            errors = [sum(each.error(_metric(found))) for each in found]
+            errors = [sum(each.error(metric_of(found))) for each in found]
             if len(errors) > 2 and min(errors[-2:]) > HOPELESS * min(errors):
                 break
         hertz *= RATIO
     if not found:
         return ()
-    errors = [each.error(_metric(found)) for each in found]
+    errors = [each.error(metric_of(found)) for each in found]
     best = int(np.argmin([sum(error) for error in errors]))
     sharp = found[sharpest_of(errors, best)].hertz
     imitation = bench.imitated(found[best].beta, sharp)
@@ -236,7 +236,7 @@ def sharpest_of(errors: Sequence[tuple[float, float]], best: int) -> int:
     return last
 
 
-def _metric(found: Sequence[CutoffCandidate]) -> Array:
+def metric_of(found: Sequence[CutoffCandidate]) -> Array:
     """Return the products that all are judged by: those of the candidate that is best by them.
 
     Several may be; the highest one's is sought from above. A cut-off within the band of the motion leaves a smaller
