@@ -50,6 +50,22 @@ def followed(robot, width, **timing):
     return problem, problem.base.from_standard(theta), run
 
 
+def check_slopes(loop, beta, those, near, of_torque=None):
+    """Compare derivatives by those parameters with differences of the discrete simulation; return its rows."""
+    rows, by_q = sensitivities(loop, loop.courses[0], beta, "q")
+    np.testing.assert_array_equal(rows, loop.simulate(beta)[0])
+    signals = [(0, by_q, near, 1e-9)]
+    if of_torque is not None:
+        signals.append((3, sensitivities(loop, loop.courses[0], beta, "torque")[1], *of_torque))
+    for k in those:
+        step = np.zeros_like(beta)
+        step[k] = 1e-6 * max(1.0, abs(beta[k]))
+        rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])
+        for signal, slopes, share, floor in signals:
+            np.testing.assert_allclose(slopes[:, :, k], rise[:, signal], atol=share * np.abs(slopes).max() + floor)
+    return rows
+
+
 @pytest.fixture(scope="module")
 def cell(planar_2r):
     return followed(planar_2r, 0.1, lead_in=1.0, integration_rate=4000.0)
@@ -92,15 +108,7 @@ def test_sensitivities_are_those_of_the_discrete_simulation(cell, options):
     problem, truth, _ = cell
     beta = truth * np.linspace(0.9, 1.1, len(truth))  # not where feedforward makes the derivative vanish
     loop = closed_loop(problem, options, truth)
-    rows, by_q = sensitivities(loop, loop.courses[0], beta, "q")
-    _, by_torque = sensitivities(loop, loop.courses[0], beta, "torque")
-    np.testing.assert_array_equal(rows, loop.simulate(beta)[0])
-    for k in range(0, len(beta), 3):
-        step = np.zeros_like(beta)
-        step[k] = 1e-6 * max(1.0, abs(beta[k]))
-        rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])
-        np.testing.assert_allclose(by_q[:, :, k], rise[:, 0], atol=1e-6 * np.abs(by_q).max() + 1e-9)
-        np.testing.assert_allclose(by_torque[:, :, k], rise[:, 3], atol=2e-6 * np.abs(by_torque).max())
+    check_slopes(loop, beta, range(0, len(beta), 3), 1e-6, (2e-6, 0.0))
 
 
 @pytest.mark.parametrize("cost", [np.inf, 0.0], ids=["explicit", "implicit"])
@@ -116,13 +124,7 @@ def test_sensitivities_are_exact_with_every_friction_of_the_motion(planar_2r, co
     beta = truth * np.linspace(0.9, 1.1, len(truth))
     monkeypatch.setattr(module, "IMPLICIT_COST", cost)
     loop = closed_loop(problem, LoopOptions(feedforward="measured"), truth)
-    rows, by_q = sensitivities(loop, loop.courses[0], beta, "q")
-    np.testing.assert_array_equal(rows, loop.simulate(beta)[0])
-    for k in range(len(beta)):
-        step = np.zeros_like(beta)
-        step[k] = 1e-6 * max(1.0, abs(beta[k]))
-        rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])
-        np.testing.assert_allclose(by_q[:, :, k], rise[:, 0], atol=1e-5 * np.abs(by_q).max() + 1e-9)
+    check_slopes(loop, beta, range(len(beta)), 1e-5)
 
 
 @pytest.fixture(scope="module")
@@ -145,17 +147,10 @@ def test_friction_of_load_and_temperature_is_simulated_with_exact_sensitivities(
     problem, truth, beta = loaded
     monkeypatch.setattr(module, "IMPLICIT_COST", cost)
     loop = closed_loop(problem, LoopOptions(feedforward=fed, bandwidth_hz=3.0, control_hz=500.0), truth)
-    (course,) = loop.courses
-    rows, by_q = sensitivities(loop, course, beta, "q")
-    np.testing.assert_array_equal(rows, loop.simulate(beta)[0])
+    (course,), rows = loop.courses, check_slopes(loop, beta, range(0, len(beta), 2), 1e-5)
     motion = Motion(rows[:, 0], rows[:, 1], rows[:, 2], temperature=course.log.log.temperature)
     torque = problem.model.torque(motion, problem.base.to_standard(beta))
     np.testing.assert_allclose(rows[:, 3], torque, atol=1e-9 * np.abs(torque).max())  # inverse dynamics of the rows
-    for k in range(0, len(beta), 2):
-        step = np.zeros_like(beta)
-        step[k] = 1e-6 * max(1.0, abs(beta[k]))
-        rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])
-        np.testing.assert_allclose(by_q[:, :, k], rise[:, 0], atol=1e-5 * np.abs(by_q).max() + 1e-9)
 
 
 @pytest.fixture
@@ -194,15 +189,7 @@ def test_derivatives_of_implicit_steps_are_exact(stiff, options, monkeypatch):
     beta = truth * np.linspace(0.9, 1.1, len(truth))
     loop = closed_loop(problem, options, truth)
     assert next(iter(loop.follow(loop.courses[0], beta))).implicit
-    rows, by_q = sensitivities(loop, loop.courses[0], beta, "q")
-    _, by_torque = sensitivities(loop, loop.courses[0], beta, "torque")
-    np.testing.assert_array_equal(rows, loop.simulate(beta)[0])
-    for k in range(0, len(beta), 3):
-        step = np.zeros_like(beta)
-        step[k] = 1e-6 * max(1.0, abs(beta[k]))
-        rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])
-        np.testing.assert_allclose(by_q[:, :, k], rise[:, 0], atol=1e-5 * np.abs(by_q).max() + 1e-9)
-        np.testing.assert_allclose(by_torque[:, :, k], rise[:, 3], atol=1e-4 * np.abs(by_torque).max() + 1e-6)
+    check_slopes(loop, beta, range(0, len(beta), 3), 1e-5, (1e-4, 1e-6))
 
 
 @pytest.fixture(params=[1e-3])

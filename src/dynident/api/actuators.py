@@ -19,7 +19,8 @@ from dynident.api.case_logs import with_logs
 from dynident.api.files_of_fit import file_of_fit
 from dynident.api.named_logs import logs_named
 from dynident.case.case import AUTO, Case, read_case
-from dynident.errors import BadOption, DescriptionError, LogMismatch
+from dynident.data.log import check_distinct
+from dynident.errors import BadOption, DescriptionError
 from dynident.files import sha256_of
 from dynident.model.threads import one_blas_thread
 from dynident.robot_files.robot_origin import is_unchanged, robot_facts
@@ -143,13 +144,7 @@ def logs_of_servos(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
     files = [[case.find(name) for name in logs_named(names, case.find)[0]] for names in (case.train, case.test)]
     train, test = ([log for file in part for log in read_servo_logs(file, case.servo.columns)] for part in files)
-    seen: dict[str, str] = {}
-    for file in (file for part in files for file in part):
-        digest = sha256_of(file)
-        if digest in seen:
-            step = "give each log once, and test on logs that are not trained on"
-            raise LogMismatch(str(file), f"the same content as {seen[digest]}", step)
-        seen[digest] = str(file)
+    check_distinct((str(file), sha256_of(file)) for part in files for file in part)
     travel = np.array([joint.limits.upper - joint.limits.lower for joint in case.robot.active])
     for log in (*train, *test):
         check_travel(log, travel)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dynident.api.named_logs import logs_named
 from dynident.case.case import Case
 from dynident.data.formats import LARGE
-from dynident.data.log import Log, Source
+from dynident.data.log import Log, Source, check_distinct
 from dynident.data.log_places import size_of
 from dynident.data.preprocessing import check_gaps
 from dynident.errors import BadOption, DescriptionError, LogMismatch
@@ -58,23 +58,13 @@ def read_data(case: Case) -> CaseData:
     if not case.train:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
     train, given = ([case.read(name) for name in names] for names in (case.train, case.test))
-    _check_distinct(train, given)
+    check_distinct((log.name, log.source.sha256) for log in (*train, *given))
     if not given and case.split is not None:
         parts = [case.split.apply(log) for log in train]
         train, given = [a for a, _ in parts], [b for _, b in parts]
     for log in (*train, *given):
         check_gaps(log, case.preprocessing.longest_gap_s)  # else a test log is refused after the fit only
     return CaseData(tuple(train), tuple(given))
-
-
-def _check_distinct(train: Sequence[Log], test: Sequence[Log]) -> None:
-    """Refuse a log that counts twice: its rows would look like new ones."""
-    seen: dict[str, str] = {}
-    for log in (*train, *test):
-        if log.source.sha256 in seen:
-            step = "give each log once, and test on logs that are not trained on"
-            raise LogMismatch(log.name, f"the same content as {seen[log.source.sha256]}", step)
-        seen[log.source.sha256] = log.name
 
 
 def is_streamed(case: Case, estimator: Estimator, needs_rows: str, progress: Callable[[str], None]) -> bool:

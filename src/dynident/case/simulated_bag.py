@@ -69,9 +69,8 @@ def write_bag(table: Mapping[str, Array], path: str | Path, time: Array, joints:
     stamps = START + np.round(np.asarray(time) * 1e9).astype(np.int64)
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "recording"
-        write = _write_ros1 if Path(path).suffix.lower() == ".bag" else _write_ros2
         with written_for_a_while():
-            content = write(place, Path(path).suffix.lower(), topics, stamps).read_bytes()
+            content = _write(place, Path(path).suffix.lower(), topics, stamps).read_bytes()
         write_atomically(path, content)
 
 
@@ -113,37 +112,21 @@ def _message(store: Any, kind: str, own: Mapping[str, Mapping[str, Array]], row:
     return store.types[kind](header, list(own), [goal])
 
 
-def _write_ros1(place: Path, suffix: str, topics: Mapping[tuple[str, str], Any], stamps: IntArray) -> Path:
-    """Write a bag of ROS 1 and return it."""
+def _write(place: Path, suffix: str, topics: Mapping[tuple[str, str], Any], stamps: IntArray) -> Path:
+    """Write a bag of ROS 1 (.bag) or a recording of ROS 2, and return the file with its messages."""
     try:
-        from rosbags.rosbag1 import Writer
+        from rosbags import rosbag1, rosbag2
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise MissingDependency("writing a recording of ROS", "rosbags", "ros") from error
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with Writer(place) as writer:
-        links = {key: writer.add_connection(*key, typestore=store) for key in topics}
+    is_first = suffix == ".bag"
+    store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
+    serialize = store.serialize_ros1 if is_first else store.serialize_cdr
+    plugin = rosbag2.StoragePlugin.MCAP if suffix == ".mcap" else rosbag2.StoragePlugin.SQLITE3
+    with rosbag1.Writer(place) if is_first else rosbag2.Writer(place, version=9, storage_plugin=plugin) as writer:
+        links: Any = {key: writer.add_connection(*key, typestore=store) for key in topics}
         for row, stamp in enumerate(stamps.tolist()):
             for (topic, kind), own in topics.items():
-                message = _message(store, kind, own, row, stamp, row)
-                writer.write(links[topic, kind], stamp, store.serialize_ros1(message, kind))
-    return place
-
-
-def _write_ros2(place: Path, suffix: str, topics: Mapping[tuple[str, str], Any], stamps: IntArray) -> Path:
-    """Write a recording of ROS 2 and return the file with its messages."""
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise MissingDependency("writing a recording of ROS", "rosbags", "ros") from error
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    plugin = StoragePlugin.MCAP if suffix == ".mcap" else StoragePlugin.SQLITE3
-    with Writer(place, version=9, storage_plugin=plugin) as writer:
-        links = {key: writer.add_connection(*key, typestore=store) for key in topics}
-        for row, stamp in enumerate(stamps.tolist()):
-            for (topic, kind), own in topics.items():
-                message = _message(store, kind, own, row, stamp)
-                writer.write(links[topic, kind], stamp, store.serialize_cdr(message, kind))
-    (file,) = place.glob(f"*{suffix}")
-    return file
+                message = _message(store, kind, own, row, stamp, *[row] * is_first)
+                writer.write(links[topic, kind], stamp, serialize(message, kind))
+    return place if is_first else next(place.glob(f"*{suffix}"))

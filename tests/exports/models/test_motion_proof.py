@@ -14,7 +14,7 @@ from dynident.data.log import Log
 from dynident.errors import FileError, LogMismatch
 from dynident.exports.models.proving.engines import without_log
 from dynident.exports.models.proving.logged_motion import LONGEST, logged_motion
-from dynident.exports.models.proving.motion_proof import prove_motion
+from dynident.exports.models.proving.motion_proof import MotionProof, prove_motion
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.model.dynamic_model import DynamicModel
@@ -40,8 +40,12 @@ def log(estimate: Estimate, exact_log: Callable[..., Log]) -> Log:
     return exact_log(estimate.model, estimate.theta, samples=300, rate=100.0)
 
 
-def test_every_run_follows_and_computed_torque_is_nearest(estimate: Estimate, log: Log) -> None:
-    proof = prove_motion(estimate, log)
+@pytest.fixture(scope="module")
+def proof(estimate: Estimate, log: Log) -> MotionProof:
+    return prove_motion(estimate, log)
+
+
+def test_every_run_follows_and_computed_torque_is_nearest(proof: MotionProof, log: Log) -> None:
     assert proof.failures == () and proof.duration == pytest.approx(log.duration)
     own, own_pd, *others = proof.runs
     assert (own.controller, own_pd.controller) == ("computed_torque", "pd")
@@ -54,8 +58,7 @@ def test_every_run_follows_and_computed_torque_is_nearest(estimate: Estimate, lo
         assert run.why_not == "not installed" or (run.share is not None and run.share < 0.1)
 
 
-def test_condition_numbers_are_those_of_the_mass_matrix(estimate: Estimate, log: Log) -> None:
-    proof = prove_motion(estimate, log)
+def test_condition_numbers_are_those_of_the_mass_matrix(estimate: Estimate, log: Log, proof: MotionProof) -> None:
     motion = logged_motion(log)
     q = motion.evaluate(np.linspace(0.0, motion.duration, 200))[0]
     expected = np.linalg.cond(estimate.mass_matrix(q))

@@ -10,7 +10,7 @@ import scipy.signal
 from dynident.applications.monitor.momentum_observer import UNSEEN, MomentumObserver
 from dynident.applications.start_states import first_states
 from dynident.arrays import Array
-from dynident.data.log import Log
+from dynident.data.log import Log, measured_torque
 from dynident.data.preprocessing import BRIDGED, check_finite, resample
 from dynident.errors import LogMismatch
 from dynident.identification.estimate.estimate import Estimate
@@ -83,11 +83,10 @@ def signals_of(estimate: Estimate, log: Log) -> Signals:
     steps = np.diff(log.time)
     long = np.flatnonzero(steps > UNSEEN * np.median(steps)) if len(steps) else []
     log, steps = resample(log, BRIDGED), np.column_stack([log.time[long], log.time[np.add(long, 1, dtype=int)]])
-    if log.torque is None:
-        raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
+    torque = measured_torque(log)
     if "temperature" in estimate.model.needs and log.temperature is None:
         raise LogMismatch(log.name, "no temperatures of the drives", "map them: the friction depends on them")
-    time, q, dq, torque, warm = log.time, log.q, log.dq, log.torque, log.temperature
+    time, q, dq, warm = log.time, log.q, log.dq, log.temperature
     if dq is None:
         dq = np.diff(q, axis=0) / np.diff(time)[:, None]
         time, q, torque = (0.5 * (values[1:] + values[:-1]) for values in (time, q, torque))

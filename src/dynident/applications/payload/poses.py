@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.data.log import Log
+from dynident.data.log import Log, measured_torque
 from dynident.data.preprocessing import Prepared, Preprocessing, at_rest
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import LogMismatch
@@ -60,11 +60,9 @@ def posture_log(prepared: Prepared) -> Prepared:
         LogMismatch: Fewer than three different postures.
     """
     log = prepared.log
-    if log.torque is None:
-        raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
-    held = postures(prepared)
+    torques, held = measured_torque(log), postures(prepared)
     q = np.array([log.q[part].mean(axis=0) for part in held]).reshape(-1, len(log.joints))
-    torque = np.array([log.torque[part].mean(axis=0) for part in held]).reshape(q.shape)
+    torque = np.array([torques[part].mean(axis=0) for part in held]).reshape(q.shape)
     groups: list[list[int]] = []
     for k, posture in enumerate(q):
         same = next((group for group in groups if np.max(np.abs(q[group[0]] - posture)) < SAME), None)

@@ -22,6 +22,13 @@ MOST_BACK = 1_000_000_000
 _MOST_HELD = 1 << 20
 
 
+def notes_of(unsound: int, taken: int, swapped: int, repeated: int) -> list[str]:
+    """Return in words how many messages of those taken were left out or moved."""
+    texts = [f"{unsound} of {taken} messages left out: numbers not finite"] if unsound else []
+    texts += [f"{swapped} messages put into the order of their stamps"] if swapped else []
+    return texts + ([f"{repeated} messages left out that repeat the one before"] if repeated else [])
+
+
 class Held:
     """Messages that wait to be put into the order of their stamps.
 
@@ -86,11 +93,4 @@ class Held:
 
     def notes(self) -> list[str]:
         """Return in words what was left out or moved."""
-        texts = []
-        if self.unsound:
-            texts.append(f"{self.unsound} of {self.taken} messages left out: numbers not finite")
-        if self.swapped:
-            texts.append(f"{self.swapped} messages put into the order of their stamps")
-        if self.repeated:
-            texts.append(f"{self.repeated} messages left out that repeat the one before")
-        return texts
+        return notes_of(self.unsound, self.taken, self.swapped, self.repeated)

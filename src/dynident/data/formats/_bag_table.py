@@ -15,7 +15,7 @@ from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.formats._alignment import TIME, Series, aligned, chosen, unused
 from dynident.data.formats._bag_messages import DYNAMIC, JOINTS, Layout, columns_of
 from dynident.data.formats._bag_source import BagSource
-from dynident.data.formats._bag_stream import MOST_BACK, Held
+from dynident.data.formats._bag_stream import MOST_BACK, Held, notes_of
 from dynident.data.formats._column_map import shown
 from dynident.data.formats.base import MAX_CELLS, TOO_LARGE, Blocks, LogTable
 from dynident.errors import LogFormatError, NoNumbers
@@ -161,20 +161,17 @@ class BagTable(LogTable):
         """Return the sound messages of a kind in the order of their stamps, and a note of what was left out."""
         stamps = np.frombuffer(part[0], dtype=np.int64)
         values = np.frombuffer(part[1], dtype=np.float64).reshape(len(stamps), len(columns))
-        stamps, values, notes = *self._finite(columns, stamps, values), []
-        if len(stamps) < len(part[0]):
-            notes.append(f"{len(part[0]) - len(stamps)} of {len(part[0])} messages left out: numbers not finite")
+        stamps, values = self._finite(columns, stamps, values)
         if self.stamps == "header" and len(stamps) and not stamps.any():
             raise self._no_stamps()
         back = np.diff(stamps)
-        if np.any(back < 0) and back.min() >= -MOST_BACK:
-            notes.append(f"{np.sum(back < 0)} messages put into the order of their stamps")
+        swapped = int(np.sum(back < 0)) if back.min(initial=0) >= -MOST_BACK else 0
+        if swapped:
             order = np.argsort(stamps, kind="stable")
             stamps, values = stamps[order], values[order]
         same = np.zeros(len(stamps), dtype=bool)
         same[1:] = (np.diff(stamps) == 0) & np.all(np.diff(values, axis=0) == 0, axis=1)
-        if np.any(same):
-            notes.append(f"{same.sum()} messages left out that repeat the one before")
+        notes = notes_of(len(part[0]) - len(stamps), len(part[0]), swapped, int(same.sum()))
         return Series(columns, stamps[~same], values[~same]), "; ".join(notes)
 
     def _finite(self, columns: tuple[str, ...], stamps: IntArray, values: Array) -> tuple[IntArray, Array]:

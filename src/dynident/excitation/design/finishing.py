@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -138,20 +138,10 @@ def _model_checks(problem: DesignProblem) -> dict[str, Any]:
     found["torque"] = _torque(problem, problem.theta)
     if np.any(np.isfinite(problem.limits.torque_rate)) and problem.smooth_theta is not None:
         found["smooth_torque"] = _torque(problem, problem.smooth_theta)
-    if problem.spread_factors is not None:
-        found["spread"] = _spread(problem, problem.spread_factors)
+    if (factors := problem.spread_factors) is not None:
+        found["spread"] = lambda motion: problem.observation.spread(motion, factors)
     return found
 
 
 def _torque(problem: DesignProblem, theta: Array) -> Callable[[Motion], Array]:
     return lambda motion: problem.observation.model.torque(motion, theta)
-
-
-def _spread(problem: DesignProblem, factors: Sequence[Array]) -> Callable[[Motion], Array]:
-    """Return the chance margin (N, n) of a motion."""
-
-    def spread(motion: Motion) -> Array:
-        rows = problem.observation.rows(motion)
-        return np.stack([np.linalg.norm(f.T @ r, axis=0) for f, r in zip(factors, rows, strict=True)], axis=1)
-
-    return spread

@@ -61,6 +61,11 @@ class Observation:
                 block[len(self._kernel.columns[i]) :] = tails[self._ends[i] : self._ends[i + 1]]
         return blocks
 
+    def spread(self, motion: Motion, factors: Sequence[Array]) -> Array:
+        """Return the chance margin (N, n) of a motion, by the factors of the torque's uncertainty at each joint."""
+        rows = zip(factors, self.rows(motion), strict=True)
+        return np.stack([np.linalg.norm(f.T @ r, axis=0) for f, r in rows], axis=1)
+
     def pullback(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array, Array]:
         """Return the derivatives by q, dq and ddq of the weighted sum of all entries, each (N, n); exact.
 

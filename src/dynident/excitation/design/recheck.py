@@ -162,12 +162,7 @@ def _torques(
     if uncertainty is not None:
         observation = Observation(model, base)
         factors = uncertainty.factors(observation.columns)
-
-        def spread(motion: Motion) -> Array:
-            rows = observation.rows(motion)
-            return np.stack([np.linalg.norm(f.T @ r, axis=0) for f, r in zip(factors, rows, strict=True)], axis=1)
-
-        asked["spread"] = spread
+        asked["spread"] = lambda motion: observation.spread(motion, factors)
     return asked
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
+from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, at_rest
 from dynident.errors import BadOption, LogMismatch, PoorExcitation
 from dynident.identification.problem.choices import Choices
@@ -188,9 +189,13 @@ def make_problem(
         PoorExcitation: The rows do not determine all base parameters.
     """
     check_friction(model, base)
-    check_temperature(model, logs)
-    check_motion(model, logs)
-    check_torque(model, logs)
+    check_temperature(model, [log.log for log in logs])
+    names = ", ".join(log.log.name for log in logs)
+    check_motion(model.robot, np.max([np.ptp(log.log.q, axis=0) for log in logs], axis=0), names)
+    torques = [log.log.torque if log.log.raw_torque is None else log.log.raw_torque for log in logs]
+    if known := [torque for torque in torques if torque is not None]:
+        low, high = (pick([pick(torque, axis=0) for torque in known], axis=0) for pick in (np.min, np.max))
+        check_torque(model.robot, (low, high), names)
     problem = unreduced(model, base, logs, load)
     regressor, masks = problem.regressor, problem.masks
     kept = before.updated(regressor) if before is not None and before.has_logs(logs) else None
@@ -283,36 +288,26 @@ def check_friction(model: DynamicModel, base: BaseParameters) -> None:
         raise BadOption("friction", base.names[row], step)
 
 
-def check_temperature(model: DynamicModel, logs: Sequence[Prepared]) -> None:
+def check_temperature(model: DynamicModel, logs: Sequence[Log]) -> None:
     """Refuse logs without the temperatures that a friction part asks for."""
     for log in logs:
-        if "temperature" in model.needs and log.log.temperature is None:
+        if "temperature" in model.needs and log.temperature is None:
             step = "map them in the case file (log: columns: temperature), or leave the friction part out"
-            raise LogMismatch(log.log.name, "no temperatures of the drives", step)
+            raise LogMismatch(log.name, "no temperatures of the drives", step)
 
 
-def check_motion(model: DynamicModel, logs: Sequence[Prepared]) -> None:
-    """Name the joints that never move: their friction cannot be known, and the case must say that they are locked."""
-    span = np.max([np.ptp(log.log.q, axis=0) for log in logs], axis=0)
-    still = [name for name, moved in zip(model.robot.joint_names, span, strict=True) if moved < 1e-3]
+def check_motion(robot: Robot, span: Array, logs: str) -> None:
+    """Name the joints that never move by their spans (n,) in all logs: the case must say that they are locked."""
+    still = [name for name, moved in zip(robot.joint_names, span, strict=True) if moved < 1e-3]
     if still:
-        names, ranges = ", ".join(still), ", ".join(f"{s:.2g}" for s in span[span < 1e-3])
-        raise LogMismatch(
-            ", ".join(log.log.name for log in logs),
-            f"{names} never moved (range {ranges} rad or m)",
-            "lock it in the case file (locked: {" + still[0] + ": 0}) or record a motion of all joints",
-        )
+        ranges = ", ".join(f"{s:.2g}" for s in span[span < 1e-3])
+        step = "lock it in the case file (locked: {" + still[0] + ": 0}) or record a motion of all joints"
+        raise LogMismatch(logs, f"{', '.join(still)} never moved (range {ranges} rad or m)", step)
 
 
-def check_torque(model: DynamicModel, logs: Sequence[Prepared]) -> None:
-    """Name the joints whose torque is one and the same number: no sensor says that of a joint that moves."""
-    torques = [log.log.torque if log.log.raw_torque is None else log.log.raw_torque for log in logs]
-    known = [torque for torque in torques if torque is not None]
-    if not known:
-        return
-    low, high = (pick([pick(torque, axis=0) for torque in known], axis=0) for pick in (np.min, np.max))
-    for name, unit, least, most in zip(model.robot.joint_names, model.robot.units, low, high, strict=True):
-        if most - least <= 1e-12 * abs(most):
-            evidence = f"{name} moves but its torque is {most:.4g} {unit} throughout"
-            step = "map the right column, or leave the joint out (locked:)"
-            raise LogMismatch(", ".join(log.log.name for log in logs), evidence, step)
+def check_torque(robot: Robot, ends: Iterable[Array], logs: str) -> None:
+    """Name the joints whose lowest and highest torque (n,) are one: no sensor says that of a joint that moves."""
+    for name, unit, low, high in zip(robot.joint_names, robot.units, *ends, strict=True):
+        if high - low <= 1e-12 * abs(high):
+            evidence = f"{name} moves but its torque is {high:.4g} {unit} throughout"
+            raise LogMismatch(logs, evidence, "map the right column, or leave the joint out (locked:)")

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.data.log import Log
+from dynident.data.log import Log, measured_torque
 from dynident.data.preprocessing import Prepared
 from dynident.errors import LogMismatch
 from dynident.identification.problem.thinned_rows import stretch_of, stretches, thinned_rows
@@ -138,7 +138,7 @@ class RegressorStream:
 
     def _plain(self, prepared: Prepared, motion: Motion, part: slice) -> Iterator[RowSegment]:
         """Yield kept rows where nothing is to be filtered: only they are ever computed."""
-        measured = _measured_torque(prepared.log)
+        measured = measured_torque(prepared.log)
         known = _has_known_torque(self.model)
         for start in range(part.start, part.stop, CHUNK):
             own = slice(start, min(start + CHUNK, part.stop))
@@ -234,16 +234,10 @@ def target_torque(model: DynamicModel, prepared: Prepared) -> Array:
         LogMismatch: The log has no torques.
     """
     log = prepared.log
-    torque = _measured_torque(log)
+    torque = measured_torque(log)
     if not _has_known_torque(model):
         return torque
     return torque - prepared.smooth(model.known_torque(motion_of(log)).T).T
-
-
-def _measured_torque(log: Log) -> Array:
-    if log.torque is None:
-        raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
-    return log.torque
 
 
 def _has_known_torque(model: DynamicModel) -> bool:

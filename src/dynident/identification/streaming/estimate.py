@@ -22,7 +22,6 @@ from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem, check_rank
 from dynident.identification.streaming.digest import Digest
-from dynident.identification.streaming.reduction import sources_of
 from dynident.identification.streaming.stretch_statistics import StretchStatistics
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
@@ -133,7 +132,7 @@ def assembled(
         preprocessing=digest.how,
         columns=digest.columns,
         run=solution.run,
-        provenance={**versions(), "logs": sources_of(digest), **provenance},
+        provenance={**versions(), "logs": [asdict(chunk) for chunk in digest.chunks], **provenance},
         degrees=degrees,
         envelope=_envelope(digest, problem.triangles, covariance),
     )

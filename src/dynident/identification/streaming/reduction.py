@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from dynident.data.formats import open_log
 from dynident.data.log_places import as_named, at_hand, size_of
 from dynident.data.preprocessing import Preprocessing
 from dynident.errors import DynidentError, FileError, LogFormatError, LogMismatch, PoolFailed
+from dynident.identification.problem.problem import check_motion, check_torque
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.streaming.digest import Digest
 from dynident.identification.streaming.merge_tree import MergeTree
@@ -103,7 +104,9 @@ def reduce_logs(
     whole = gathering.tree.merged()
     if whole is None or (gathering.bad and skipped is None):
         raise _refusal(gathering.bad, len(places))
-    _check_states(whole)
+    robot, paths = whole.model.robot, ", ".join(chunk.path for chunk in whole.chunks)
+    check_motion(robot, np.diff(whole.states.positions, axis=0)[0], paths)
+    check_torque(robot, whole.states.torques, paths)
     return whole
 
 
@@ -338,24 +341,3 @@ def _refusal(bad: Mapping[int, DynidentError], count: int) -> DynidentError:
     more = f"; and {len(errors) - _NAMED} more" if len(errors) > _NAMED else ""
     step = "fix them or leave them out (--skip-bad); the others are not compressed again"
     return LogMismatch(f"{len(errors)} of {count} logs", f"they cannot be compressed: {named}{more}", step)
-
-
-def _check_states(digest: Digest) -> None:
-    """Name the joints that never moved or whose torque never changed, as :func:`make_problem` does."""
-    names, states = digest.model.robot.joint_names, digest.states
-    paths = ", ".join(chunk.path for chunk in digest.chunks)
-    span = np.diff(states.positions, axis=0)[0]
-    still = [name for name, moved in zip(names, span, strict=True) if moved < 1e-3]
-    if still:
-        ranges = ", ".join(f"{s:.2g}" for s in span[span < 1e-3])
-        step = "lock it in the case file (locked: {" + still[0] + ": 0}) or record a motion of all joints"
-        raise LogMismatch(paths, f"{', '.join(still)} never moved (range {ranges} rad or m)", step)
-    for name, unit, low, high in zip(names, digest.model.robot.units, *states.torques, strict=True):
-        if high - low <= 1e-12 * abs(high):
-            evidence = f"{name} moves but its torque is {high:.4g} {unit} throughout"
-            raise LogMismatch(paths, evidence, "map the right column, or leave the joint out (locked:)")
-
-
-def sources_of(digest: Digest) -> list[dict[str, object]]:
-    """Return where the rows of a digest come from, as the provenance of an estimate has it."""
-    return [asdict(chunk) for chunk in digest.chunks]

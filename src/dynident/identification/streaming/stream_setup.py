@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from dynident.data.formats import ColumnMap
-from dynident.data.log import Log
+from dynident.data.log import Log, measured_torque
 from dynident.data.log_of_robot import with_meaning
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.split import Split
 from dynident.errors import LogMismatch
+from dynident.identification.problem.problem import check_temperature
 from dynident.identification.selection.friction.variable_projection import has_choices, has_varying
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -91,9 +92,5 @@ class StreamSetup:
         Raises:
             LogMismatch: The log has no torques, or no temperatures.
         """
-        if log.torque is None:
-            step = "map torque columns, or currents with drive gains, in the case file"
-            raise LogMismatch(log.name, "no torques", step)
-        if "temperature" in self.model.needs and log.temperature is None:
-            step = "map them in the case file (log: columns: temperature), or leave the friction part out"
-            raise LogMismatch(log.name, "no temperatures of the drives", step)
+        measured_torque(log)
+        check_temperature(self.model, [log])
