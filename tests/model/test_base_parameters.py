@@ -92,6 +92,8 @@ def test_columns_of_the_er16_are_those_of_table_2(er16: Robot) -> None:
 def test_counts_of_the_robots_that_ship(name: str, count: int) -> None:
     model = model_of(read_robot(name), "coulomb", "viscous", "offset")
     assert base_parameters(model, inertial_only=True).count == count
+    full = replace(model, friction=(RotorInertia(), *model.friction))
+    assert base_parameters(full).rank_of(full.inertial_count) == count
     assert base_parameters(model).count == count + 3 * model.robot.dof
 
 
@@ -313,7 +315,7 @@ def test_a_rank_that_is_not_clear_is_decided_and_told(
     assert not len(clear.weak) and clear.neglected == 0
     assert base_parameters(model_of(pendulum)).neglected == 0  # where all columns that matter are independent
     monkeypatch.setattr(DynamicModel, "regressor", rough)
-    base = base_parameters(model_of(spatial_3r))
+    base = base_parameters(model_of(replace(spatial_3r)))  # another robot: nothing is known of it yet
     assert base.count > clear.count and 1e-6 < base.neglected < 1e-5
     assert set(clear.independent) <= set(base.independent)
     assert {base.names[k] for k in base.weak} >= {base.names[k] for k in np.flatnonzero(base.shares < 1e-4)} != set()

@@ -22,6 +22,7 @@ from dynident.model.reduction import (
     merged_pairs,
     reduce,
     triangle_of,
+    without_own,
 )
 
 COLUMNS = np.arange(4)
@@ -299,3 +300,22 @@ def test_triangles_are_solved_alike_whatever_their_condition() -> None:
         assert kept == found
         np.testing.assert_allclose(solution.singular_values, np.linalg.svd(unit, compute_uv=False), atol=1e-12)
         assert (solution.condition_number < 1e10) == (kept == 5)
+
+
+@pytest.mark.parametrize("depends", [False, True])
+def test_a_fit_without_the_columns_of_one_joint_is_the_same(depends: bool) -> None:
+    """Columns 0 to 2 are those of both joints, 3 and 4 of the first, 5 of the second; the first has two parts."""
+    random, columns = np.random.default_rng(5), [np.array([0, 3, 1, 2, 4]), np.array([0, 1, 2, 5])]
+    rows = [random.normal(size=(40, len(own) + 1)) for own in columns]
+    if depends:
+        rows[0][:, 4] = 2.0 * rows[0][:, 1]
+    first, second = (triangle(each, own) for each, own in zip(rows, columns, strict=True))
+    parts = [[triangle(rows[0][:15], columns[0]), triangle(rows[0][15:], columns[0])], [second]]
+    shared, count, completed = without_own(parts, 6)
+    assert count == (5 if depends else 3)
+    weights = [1.0, 3.0]
+    beta = completed(least_squares(reduce(shared, count, weights)).beta)
+    np.testing.assert_allclose(beta, least_squares(reduce([first, second], 6, weights)).beta, atol=1e-12)
+    for whole, each, own in zip((first, second), shared, (0, 1), strict=True):
+        found = each.residual_square(least_squares(reduce(shared, count, weights)).beta)
+        assert each.rows == whole.rows and found == pytest.approx(whole.residual_square(beta), rel=1e-10), own

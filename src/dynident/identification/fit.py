@@ -24,7 +24,6 @@ from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.selection.friction.load import PASSES, agrees, with_load
 from dynident.identification.uncertainty.propagation import field_covariance, gain_uncertainty
 from dynident.identification.validate import validate_prepared
-from dynident.model.base_parameters import base_parameters
 from dynident.model.reduction import least_squares
 
 
@@ -72,7 +71,7 @@ def fit(problem: Problem, estimator: Estimator, progress: Callable[[str], None] 
         correlation_factors=factors,
         condition_number=least_squares(problem.reduced(1.0 / deviations)).condition_number,
         samples=problem.samples,
-        inertial_base_parameters=base_parameters(model, inertial_only=True).count,
+        inertial_base_parameters=base.rank_of(model.inertial_count),
         estimator=ESTIMATORS.name_of(estimator),
         options=asdict(estimator) if is_dataclass(estimator) else {},
         consistency=judge(model, base, solution.beta, solution.theta),

@@ -25,6 +25,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
 from dynident.model.parameters import Parameter
 from dynident.model.reduction import triangle_of
+from dynident.model.robot import Robot
 
 #: A column is dependent when what remains of it is below this share of the largest of its kind, and a combination when
 #: its singular value is. Descriptions with angles like 1.5708 tilt axes by 4e-6 rad; what that lets through is no
@@ -53,6 +54,10 @@ _SLOWEST = 1e-3
 
 #: Distances in m below this are rounding of a description.
 _POINT = 1e-6
+
+#: Models whose base parameters are kept, and these, the last first.
+KEPT = 4
+_known: list[tuple[Robot, tuple[object, ...], BaseParameters]] = []
 
 IDENTIFIABLE, COMBINED, NOT_IDENTIFIABLE = "identifiable", "only in combination", "not identifiable"
 
@@ -83,6 +88,12 @@ class BaseParameters:
     def count(self) -> int:
         """Number of base parameters, b."""
         return len(self.independent)
+
+    def rank_of(self, size: int) -> int:
+        """Return how many base parameters a model with the first ``size`` of the standard parameters alone has."""
+        chosen = self.independent < size
+        others = np.where(self.matters, self.matrix, 0.0)[~chosen, :size]
+        return int(chosen.sum()) + (int(np.linalg.matrix_rank(others)) if others.any() else 0)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -138,7 +149,7 @@ class BaseParameters:
 
 
 def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int = 0) -> BaseParameters:
-    """Return the base parameters of a model.
+    """Return the base parameters of a model; models of the very robot with the same friction share them.
 
     Args:
         model: Robot, drives and friction.
@@ -146,6 +157,16 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
         seed: Seed of the random states.
     """
     check_kind("model", model, DynamicModel, 'di.base_parameters(di.DynamicModel(robot, ["coulomb", "viscous"]))')
+    key = (model.friction, inertial_only, seed)
+    for robot, other, base in _known:
+        if robot is model.robot and other == key:
+            return base
+    base = _found(model, inertial_only, seed)
+    _known[:] = [(model.robot, key, base), *_known[: KEPT - 1]]
+    return base
+
+
+def _found(model: DynamicModel, inertial_only: bool, seed: int) -> BaseParameters:
     samples = max(40, 4 * len(model.parameters) // max(model.robot.dof, 1))
     regressor = _balanced(model, _states(model, samples, seed))
     size = model.inertial_count if inertial_only else regressor.shape[-1]

@@ -19,6 +19,9 @@ from dynident.model.threads import one_blas_thread
 #: Columns factored at a time inside a panel; 8 is the fastest for panels of 20 to 60 columns.
 _BLOCK = 8
 
+#: What is left of a column beside others, as a share of it, that passes for rounding.
+ROUNDING = 1e-10
+
 #: Rows reduced at a time: the panel stays in the cache.
 CHUNK = 1000
 
@@ -164,6 +167,44 @@ def reduce(triangles: Sequence[Triangle], size: int, weights: Sequence[float] | 
     with one_blas_thread():
         factor = triangle_of(stacked)
     return Reduced(factor[:size, :size], factor[:size, size], float(factor[size, size] ** 2), _rows(triangles))
+
+
+def without_own(parts: Sequence[Sequence[Triangle]], size: int) -> tuple[list[Triangle], int, Callable[[Array], Array]]:
+    """Return the triangle of each joint without the columns that it alone has, such as its friction.
+
+    A fit of the others leaves the same residuals (Frisch and Waugh 1933). Own columns of a joint that depend on each
+    other stay.
+
+    Args:
+        parts: Triangles of each joint, of one part of its rows or of several.
+        size: Number of all columns.
+
+    Returns:
+        The triangles, their columns counted among the k that are left; k; and what makes all coefficients, (size,), of
+        the k of a fit.
+    """
+    left, found = np.bincount(np.concatenate([own[0].columns for own in parts]), minlength=size) > 1, []
+    for own in parts:
+        order = np.argsort(left[own[0].columns], kind="stable")
+        columns, factor = own[0].columns[order], np.concatenate([part.factor for part in own])
+        factor = triangle_of(factor[:, np.append(order, len(order))])
+        count, squares = int(np.sum(~left[columns])), factor[:, :-1] ** 2
+        least = ROUNDING**2 * squares.sum(axis=0)
+        if len(factor) < count or np.any(np.diag(squares)[:count] <= least[:count]):
+            left[columns], count = True, 0
+        factor[count:, :-1] *= squares[count:].sum(axis=0) > least
+        found.append((columns, factor, count, _rows(own)))
+    places = np.cumsum(left) - 1
+    triangles = [Triangle(places[columns[k:]], factor[k:, k:], rows) for columns, factor, k, rows in found]
+
+    def completed(beta: Array) -> Array:
+        every = np.zeros(size)
+        every[left] = beta
+        for columns, factor, k, _ in found:
+            every[columns[:k]] = solve_upper(factor[:k, :k], factor[:k, -1] - factor[:k, k:-1] @ every[columns[k:]])
+        return every
+
+    return triangles, int(left.sum()), completed
 
 
 def _rows(triangles: Sequence[Triangle]) -> int:

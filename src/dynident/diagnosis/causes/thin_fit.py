@@ -14,7 +14,7 @@ from dynident.data.preprocessing._zero_phase import low_passed
 from dynident.diagnosis.causes.quick_fit import ROWS_PER_HZ, QuickFit
 from dynident.errors import DynidentError
 from dynident.identification.problem.problem import speed_scales
-from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, default_friction
 from dynident.model.friction.rotor_inertia import RotorInertia
@@ -22,10 +22,6 @@ from dynident.model.robot import Robot
 
 #: Cut-off of both sides in Hz at most, and samples a second per Hz of it before the filter.
 CUTOFF_HZ, SAMPLES_PER_HZ = 5.0, 20.0
-
-#: Models whose base parameters are kept, and these, the last first.
-KEPT = 4
-_known: list[tuple[Robot, tuple[Friction, ...], BaseParameters]] = []
 
 
 def quick_fit(case: Case, log: Log) -> QuickFit | None:
@@ -56,7 +52,7 @@ def thin_fit(case: Case, log: Log) -> QuickFit | None:
     )
     try:
         thin = thinned_log(log, SAMPLES_PER_HZ * cutoff, case.preprocessing.longest_gap_s)
-        return QuickFit(model, base_of(model), thin, how, conversion=_conversion(case.robot, log))
+        return QuickFit(model, base_parameters(model), thin, how, conversion=_conversion(case.robot, log))
     except DynidentError:
         return None
 
@@ -68,16 +64,6 @@ def _conversion(robot: Robot, log: Log) -> Array | None:
         return None
     found = np.asarray(robot.coupling).T * gains
     return found if np.allclose(log.current @ found.T, log.torque, equal_nan=True) else None
-
-
-def base_of(model: DynamicModel) -> BaseParameters:
-    """Return the base parameters of a model; logs of one case have the same robot, for which they are found once."""
-    for robot, friction, base in _known:
-        if robot is model.robot and friction == model.friction:
-            return base
-    base = base_parameters(model)
-    _known[:] = [(model.robot, model.friction, base), *_known[: KEPT - 1]]
-    return base
 
 
 def _by_kind(part: Friction, robot: Robot) -> list[Friction]:

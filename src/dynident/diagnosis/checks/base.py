@@ -13,7 +13,7 @@ from dynident.case.case import Case
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.saturated_rows import without_saturation
-from dynident.diagnosis.causes.thin_fit import base_of, beyond_quick_fit, thin_fit
+from dynident.diagnosis.causes.thin_fit import beyond_quick_fit, thin_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, other_scales
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.finding import Finding
@@ -22,6 +22,7 @@ from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.choices import DelayRecord
 from dynident.identification.selection.delay import find_delays
+from dynident.model.base_parameters import base_parameters
 from dynident.model.friction import Friction, auto_friction
 
 #: A delay counts from this many of its standard deviations on.
@@ -99,7 +100,7 @@ class CheckedLog:
             return None
         more = [part for part in beyond_quick_fit(self.case) if not part.needs]
         model = replace(self.fit.model, friction=(*self.fit.model.friction, *more))  # a bend passes for a lead
-        base = base_of(model) if more else self.fit.base
+        base = base_parameters(model) if more else self.fit.base
         try:
             (found,), _ = find_delays(model, base, [self.fit.rows.prepared], may_lag=False)
         except DynidentError:

@@ -39,7 +39,7 @@ from dynident.identification.selection.delay_rows import (
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.presliding import Presliding
-from dynident.model.reduction import Triangle, least_squares, reduce
+from dynident.model.reduction import Triangle, least_squares, reduce, without_own
 
 #: A step below this share of a sample ends the search.
 SETTLED = 0.02
@@ -226,8 +226,9 @@ class _DelaySearch:
         parts = [_of_shares(self._part(k), torques) for k in range(PARTS)]
         squares, rows = np.zeros(self.regressor.model.robot.dof), np.zeros(self.regressor.model.robot.dof)
         for k, left_out in enumerate(parts):
-            seen = [first.merged(rest) for first, *rest in zip(*parts[:k], *parts[k + 1 :], strict=True)]
-            beta = _weighted_fit(self.regressor.base.count, seen)
+            seen = list(zip(*parts[:k], *parts[k + 1 :], strict=True))
+            shared, count, completed = without_own(seen, self.regressor.base.count)
+            beta = completed(_weighted_fit(count, shared))
             squares += [triangle.residual_square(beta) for triangle in left_out]
             rows += [triangle.rows for triangle in left_out]
         return float(np.average(np.log(np.maximum(squares, np.finfo(float).tiny) / np.maximum(rows, 1)), weights=rows))

@@ -23,7 +23,6 @@ from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem, check_rank
 from dynident.identification.streaming.digest import Digest
 from dynident.identification.streaming.stretch_statistics import StretchStatistics
-from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.reduction import Triangle, least_squares
 
@@ -124,7 +123,7 @@ def assembled(
         correlation_factors=left.factors(solution.beta),
         condition_number=least_squares(problem.reduced(1.0 / deviations)).condition_number,
         samples=problem.samples,
-        inertial_base_parameters=base_parameters(model, inertial_only=True).count,
+        inertial_base_parameters=base.rank_of(model.inertial_count),
         estimator=ESTIMATORS.name_of(part),
         options=asdict(part) if is_dataclass(part) else {},
         consistency=judge(model, base, solution.beta, solution.theta),
