@@ -76,12 +76,15 @@ class Bench:
             self.grams[i][np.ix_(own, own)] = rows @ rows.T
         self.bands, self.stretches = list(bands(self.passes)), list(stretches(self.passes))
 
-    def noise(self, generator, memory):
-        """Return torque noise of the kept rows, filtered as the torque, other joints other sizes."""
+    def raw_noise(self, generator, memory):
+        """Return torque noise (n, N), other joints other sizes."""
         joints = len(self.columns)
         white = generator.normal(size=(joints, self.log.log.samples + PAST)) * np.linspace(1, 3, joints)[:, None]
-        noise = scipy.signal.lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=1)[:, PAST:]
-        return np.where(self.mask, self.log.smooth(noise).T[self.log.keep], 0.0)
+        return scipy.signal.lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=1)[:, PAST:]
+
+    def noise(self, generator, memory):
+        """Return torque noise of the kept rows, filtered as the torque."""
+        return np.where(self.mask, self.log.smooth(self.raw_noise(generator, memory)).T[self.log.keep], 0.0)
 
     def fit(self, noise):
         """Return the error of weighted least squares, its residual, weights, deviations and (X'X)^-1."""
@@ -150,10 +153,8 @@ def coverage(bench, memory, runs, methods=METHODS):
 
 def posed(bench, generator, memory):
     """Return the problem of torques that are those of the model at the truth plus noise, filtered alike."""
-    joints = len(bench.columns)
-    white = generator.normal(size=(joints, bench.log.log.samples + PAST)) * np.linspace(1, 3, joints)[:, None]
-    noise = scipy.signal.lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=1)[:, PAST:]
-    raw = RegressorStream(bench.model, bench.base).predict(bench.log.log, bench.truth) + noise.T
+    raw = RegressorStream(bench.model, bench.base).predict(bench.log.log, bench.truth)
+    raw = raw + bench.raw_noise(generator, memory).T
     log = replace(bench.log.log, torque=bench.log.smooth(raw.T).T, raw_torque=raw)
     return make_problem(bench.model, bench.base, [replace(bench.log, log=log)])
 

@@ -15,13 +15,12 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import scipy.signal
 
-from dynident import DynamicModel, FourierSeries, Inertia, Log, read_robot
+from benchmarks.loaded_arm import first_order, random_motion, six_joint_arm, with_body
+from dynident import DynamicModel, Inertia, Log
 from dynident.applications.drive_gains import CarriedBody, GainOptions, gains_from_payload, gains_from_prior
-from dynident.model.friction import Motion
 
-RATE, SECONDS, SHARE, MEMORY, PAST = 200.0, 20.0, 0.05, 0.9, 200
+RATE, SECONDS, SHARE, MEMORY = 200.0, 20.0, 0.05, 0.9
 GAINS = np.array([14.9, 13.3, 11.1, 10.6, 8.0, 6.5])
 CENTRE, BODY = np.array([0.05, 0.1, 0.04]), np.diag([0.02, 0.015, 0.012])
 KINDS = ("mass", "centre", "inertia", "signed", "prior", "bodies")
@@ -32,16 +31,9 @@ class Bench:
     """An arm, its noise-free logs without and with the payload, and the noise of its currents."""
 
     def __init__(self, asymmetry: float = 0.0) -> None:
-        robot = read_robot("generic-6r")
-        self.model = DynamicModel(robot, ("coulomb", "viscous", "offset"))
-        body = Inertia.from_centre_of_mass(2.6, CENTRE, BODY)
-        frame = robot.frames.get(robot.tool)
-        carried = body if frame is None else body.moved(frame.rotation, frame.translation)
-        link = len(robot.links) - 1 if frame is None else frame.link
-        links = list(robot.links)
-        links[link] = replace(links[link], inertia=links[link].inertia + carried)
-        heavy = DynamicModel(replace(robot, links=tuple(links)), self.model.friction)
-        friction = np.tile([2.0, 3.0, 0.4], robot.dof) * np.repeat(np.linspace(1.5, 0.3, robot.dof), 3)
+        self.model, friction = six_joint_arm()
+        robot = with_body(self.model.robot, Inertia.from_centre_of_mass(2.6, CENTRE, BODY))
+        heavy = DynamicModel(robot, self.model.friction)
         self.logs = tuple(
             self._log(model, np.concatenate([model.robot.nominal, friction * warm]), seed, asymmetry)
             for model, warm, seed in ((self.model, 1.0, 1), (heavy, 1.2, 2))
@@ -49,20 +41,17 @@ class Bench:
 
     @staticmethod
     def _log(model, theta, seed, asymmetry):
-        joints = model.robot.dof
-        sine, cosine = 0.3 * np.random.default_rng(seed).normal(size=(2, joints, 5))
         time = np.arange(int(SECONDS * RATE)) / RATE
-        q, dq, ddq = FourierSeries(np.zeros(joints), sine, cosine, 10.0).evaluate(time)
-        current = model.torque(Motion(q, dq, ddq), theta) / GAINS
+        motion = random_motion(model.robot.dof, seed, time, 10.0)
+        current = model.torque(motion, theta) / GAINS
         current = np.where(current < 0, current / (1.0 - asymmetry), current)
-        return Log(model.robot.joint_names, time, q, dq, current=current)
+        return Log(model.robot.joint_names, time, motion.q, motion.dq, current=current)
 
     def noisy(self, generator, memory):
         """Return the logs with new noise."""
         found = []
         for log in self.logs:
-            white = generator.normal(size=(log.samples + PAST, len(GAINS)))
-            noise = scipy.signal.lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=0)[PAST:]
+            noise = first_order(generator, log.samples, len(GAINS), memory)
             found.append(replace(log, current=log.current + SHARE * np.sqrt(np.mean(log.current**2, axis=0)) * noise))
         return found
 

@@ -18,7 +18,8 @@ import time as clock
 import numpy as np
 import scipy.signal
 
-from dynident import DynamicModel, FourierSeries, Log, identify, read_robot
+from benchmarks.loaded_arm import six_joint_arm
+from dynident import FourierSeries, Log, identify
 from dynident.applications.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step
 from dynident.applications.monitor.signals import residuals_of, signals_of
 from dynident.model.friction import Motion
@@ -33,11 +34,8 @@ class Cell:
     """An arm whose truth is known and its noisy logs."""
 
     def __init__(self):
-        robot = read_robot("generic-6r")
-        assert robot.nominal is not None
-        self.model = DynamicModel(robot, ("coulomb", "viscous", "offset"))  # type: ignore[arg-type]
-        friction = np.tile([2.0, 3.0, 0.4], robot.dof) * np.repeat(np.linspace(1.5, 0.3, robot.dof), 3)
-        self.theta = np.concatenate([robot.nominal, friction])
+        self.model, friction = six_joint_arm()
+        self.theta = np.concatenate([self.model.robot.nominal, friction])
 
     def log(self, seconds, seed):
         """Return a run of several random motions of 10 s one after the other, each a whole number of periods."""

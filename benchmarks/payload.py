@@ -21,9 +21,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import scipy.signal
 
-from dynident import DynamicModel, FourierSeries, Inertia, Log, identify, preprocess, read_case, read_robot
+from benchmarks.loaded_arm import first_order, random_motion, six_joint_arm, with_body
+from dynident import DynamicModel, Inertia, Log, identify, preprocess, read_case
 from dynident.applications.payload import BeforeRun, identify_payload
 from dynident.arrays import Array
 from dynident.identification.problem.problem import make_problem
@@ -33,7 +33,7 @@ from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.friction import Motion
 from dynident.model.reduction import least_squares
 
-RATE, SECONDS, SHARE, MEMORY, PAST = 100.0, 12.0, 0.05, 0.9, 200
+RATE, SECONDS, SHARE, MEMORY = 100.0, 12.0, 0.05, 0.9
 MASS, CENTRE, BODY = 2.6, np.array([0.05, 0.1, 0.04]), np.diag([0.02, 0.015, 0.012])
 KINDS = ("motion", "same", "poses", "gains")
 GAIN_ERROR = 0.05
@@ -45,23 +45,14 @@ class Bench:
     """An arm and its noise-free logs without and with the payload."""
 
     def __init__(self, kind):
-        self.kind, robot = kind, read_robot("generic-6r")
+        self.kind = kind
         self.gains: float | Array = 1.0
-        assert robot.nominal is not None
-        self.model = DynamicModel(robot, ("coulomb", "viscous", "offset"))  # type: ignore[arg-type]
-        body = Inertia.from_centre_of_mass(MASS, CENTRE, BODY)
-        frame = robot.frames.get(robot.tool)
-        carried = body if frame is None else body.moved(frame.rotation, frame.translation)
-        link = len(robot.links) - 1 if frame is None else frame.link
-        links = list(robot.links)
-        own = links[link].inertia
-        assert own is not None
-        links[link] = replace(links[link], inertia=own + carried)
-        heavy = DynamicModel(replace(robot, links=tuple(links)), self.model.friction)
-        assert heavy.robot.nominal is not None
-        friction = np.tile([2.0, 3.0, 0.4], robot.dof) * np.repeat(np.linspace(1.5, 0.3, robot.dof), 3)
+        self.model, self.friction = six_joint_arm()
+        robot, friction = self.model.robot, self.friction
+        carrying = with_body(robot, Inertia.from_centre_of_mass(MASS, CENTRE, BODY))
+        heavy = DynamicModel(carrying, self.model.friction)
+        assert robot.nominal is not None and heavy.robot.nominal is not None
         warm = 1.1 if kind in ("motion", "gains") else 1.0
-        self.friction = friction
         self.empty = self.motion(self.model, np.concatenate([robot.nominal, friction]), 1)
         theta = np.concatenate([heavy.robot.nominal, friction * warm])
         self.loaded = self.postures(heavy, theta) if kind == "poses" else self.motion(heavy, theta, 2)
@@ -69,11 +60,9 @@ class Bench:
 
     @staticmethod
     def motion(model, theta, seed):
-        joints = model.robot.dof
-        sine, cosine = 0.3 * np.random.default_rng(seed).normal(size=(2, joints, 5))
         time = np.arange(int(SECONDS * RATE)) / RATE
-        q, dq, ddq = FourierSeries(np.zeros(joints), sine, cosine, 6.0).evaluate(time)
-        return Log(model.robot.joint_names, time, q, dq, torque=model.torque(Motion(q, dq, ddq), theta))
+        motion = random_motion(model.robot.dof, seed, time, 6.0)
+        return Log(model.robot.joint_names, time, motion.q, motion.dq, torque=model.torque(motion, theta))
 
     @staticmethod
     def postures(model, theta):
@@ -91,8 +80,7 @@ class Bench:
 
     def noisy(self, log, generator, memory):
         """Return a log with noise, and with the gains of its drives."""
-        white = generator.normal(size=(log.samples + PAST, log.q.shape[1]))
-        noise = scipy.signal.lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=0)[PAST:]
+        noise = first_order(generator, log.samples, log.q.shape[1], memory)
         torque = log.torque + SHARE * np.sqrt(np.mean(log.torque**2, axis=0)) * noise
         if self.kind == "poses" and log is self.loaded:
             each = int(HOLD_SECONDS * RATE) + 40

@@ -94,6 +94,7 @@ SMALL = {
     "api/files_of_fit.py": "of verbs and of commands",
     "api/estimate_output.py": "of the commands that write an estimate",
     "api/validate.py": "a verb",
+    "case/robot_sections.py": "the keys of the robot, beside those of parts and of logs",
     "arrays.py": "ground of all wings",
     "case/draft/stated_units.py": "what files state, apart from what their values say",
     "case/draft/yaml_words.py": "how YAML is written, apart from what",

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynident.case.draft.column_groups import groups_of, time_columns, unit_of_time
+from dynident.case.draft.column_groups import groups_of
 from dynident.case.draft.column_words import WORDS, Meaning, meaning_of, split_unit, tokens_of
 from dynident.case.draft.joint_choice import without_positions
 from dynident.case.draft.profile_fit import equally_good, fitting_profiles
 from dynident.case.draft.signal_choice import choose_signals
 from dynident.case.draft.signal_units import position_factors, position_unit
+from dynident.case.draft.time_columns import time_columns, unit_of_time
 from dynident.case.draft.time_unit import time_unit
 from dynident.case.draft.yaml_words import plain, quoted
 from dynident.case.questions import MARK, check_answered, questions_in

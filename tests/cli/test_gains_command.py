@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.loaded_arm import with_body
 
 from dynident import DynamicModel, FourierSeries, Inertia, Log, Robot, read_robot, write_log
 from dynident.case.case import read_case
@@ -46,16 +46,8 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     robot = read_robot("generic-scara")
     names = robot.joint_names
     body = Inertia.from_centre_of_mass(2.0, [0.05, 0.02, -0.03], np.diag([0.01, 0.01, 0.008]))
-    frame = robot.frames.get(robot.tool)
-    links = list(robot.links)
-    at = len(links) - 1 if frame is None else frame.link
-    stated = links[at].inertia
-    assert stated is not None
-    links[at] = replace(
-        links[at], inertia=stated + (body if frame is None else body.moved(frame.rotation, frame.translation))
-    )
     write_log(recorded(robot, 1), "free.csv")
-    write_log(recorded(replace(robot, links=tuple(links)), 2), "loaded.csv")
+    write_log(recorded(with_body(robot, body), 2), "loaded.csv")
     text = CASE.replace("shoulder", names[0]).replace("as_given", "as_given")
     columns = '{current: "i{}", ddq: "ddq{}"}'
     (tmp_path / "case.yaml").write_text(text.replace('{current: "i{}"}', columns))

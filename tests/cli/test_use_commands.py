@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.loaded_arm import with_body
 from command_answers import documented
 
 from dynident import (
@@ -48,17 +49,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with an estimate, its log, another clean one, one with a load and one with a contact."""
     folder = tmp_path_factory.mktemp("cell")
     robot = read_robot("generic-scara")
-    frame = robot.frames.get(robot.tool)
-    links = list(robot.links)
-    at = len(links) - 1 if frame is None else frame.link
-    own = links[at].inertia
-    assert own is not None
-    links[at] = replace(
-        links[at], inertia=own + (BODY if frame is None else BODY.moved(frame.rotation, frame.translation))
-    )
     write_log(recorded(robot, 1, 3000), folder / "train.csv")
     write_log(recorded(robot, 2, 3000), folder / "clean.csv")
-    write_log(recorded(replace(robot, links=tuple(links)), 3, 3000), folder / "loaded.csv")
+    write_log(recorded(with_body(robot, BODY), 3, 3000), folder / "loaded.csv")
     write_log(touched(recorded(robot, 4, 3000), 60.0), folder / "contact.csv")
     model = DynamicModel(robot, (FRICTION.make("coulomb"), FRICTION.make("viscous")))
     how = Preprocessing(AsGiven(), rest="keep")

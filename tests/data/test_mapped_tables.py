@@ -10,7 +10,7 @@ import pytest
 
 from drafted_logs import moved, named, numbered, read, write_log, write_robot
 from dynident.case.case_draft import draft_case
-from dynident.case.draft.column_groups import split_time
+from dynident.case.draft.time_columns import split_time
 from dynident.data.formats import ColumnMap, Units, read_log, stream_log
 from dynident.errors import BadOption, LogFormatError
 from dynident.robot_files import read_robot

@@ -22,8 +22,9 @@ from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.matrix import joint_of, naming
 from benchmarks.faults.trials import Trial, subject_of, virtual
 
-from dynident.case.case import Case, PartChoice, read_case
+from dynident.case.case import Case, read_case
 from dynident.case.evidence.rows import out_of_order, sortable
+from dynident.case.part_sections import PartChoice
 from dynident.data.formats import ColumnMap, read_log
 from dynident.data.log import smallest_step
 from dynident.data.preprocessing import default_preprocessing

@@ -18,7 +18,8 @@ from dynident.actuators.torque_state import check_torque_state
 from dynident.api.case_logs import with_logs
 from dynident.api.files_of_fit import file_of_fit
 from dynident.api.named_logs import logs_named
-from dynident.case.case import AUTO, Case, read_case
+from dynident.case.case import Case, read_case
+from dynident.case.part_sections import AUTO
 from dynident.data.log import check_distinct
 from dynident.errors import BadOption, DescriptionError
 from dynident.files import sha256_of

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from dynident.case.case import AUTO, Case, read_case
+from dynident.case.case import Case, read_case
+from dynident.case.part_sections import AUTO
 from dynident.data.preprocessing import FILTERS, default_preprocessing
 from dynident.data.split import Split
 from dynident.errors import BadOption, DescriptionError, DynidentError

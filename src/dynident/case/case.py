@@ -9,36 +9,33 @@ docs/case-file.md describes each.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dynident.case.acceptance import CRITERIA, Acceptance, acceptance_of
-from dynident.case.case_values import find_file, gravity_of, guarded, model_place, part_of, robot_named, texts
+from dynident.case.case_values import find_file, guarded, model_place, robot_named, texts
 from dynident.case.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.case.constraints_file import constraints_of
 from dynident.case.log_section import led_by_joints, read_columns
+from dynident.case.part_sections import AUTO, PartChoice, estimator_of, friction_of, preprocessing_of
 from dynident.case.questions import check_answered, without_open_gains
+from dynident.case.robot_sections import robot_of
 from dynident.data.formats import ColumnMap
 from dynident.data.log import Log
 from dynident.data.log_of_robot import read_signals, read_with
 from dynident.data.log_places import is_address
-from dynident.data.preprocessing import FILTERS, Preprocessing, default_preprocessing
-from dynident.data.preprocessing.base import Filter
+from dynident.data.preprocessing import Preprocessing, default_preprocessing
 from dynident.data.split import Split
 from dynident.errors import FileError
 from dynident.file_versions import Document, FileVersions, renamed
 from dynident.files import unreadable
 from dynident.model.body_constraints import BODIES, Constraints
-from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, default_friction
-from dynident.model.joint import Drive
 from dynident.model.robot import Robot
-from dynident.plugins import Family
 from dynident.robot_files import read_robot
 from dynident.robot_files.strict_yaml import load_yaml
 
@@ -56,9 +53,6 @@ def _to_2(data: Document) -> Document:
 #: Case files.
 VERSIONS = FileVersions("a case", (_to_2,), key="case")
 
-#: What stands for a friction or a delay that is to be found from the logs.
-AUTO = "auto"
-
 _KEYS = (
     "case",
     "robot",
@@ -74,19 +68,6 @@ _KEYS = (
 )
 _KEYS += ("estimator", "bodies", "constraints", "prior", "train", "test", "split", "accept")
 _KEYS += ("workspace", "cell", "servo", "note")
-
-#: Keys of a joint under ``drives``.
-DRIVE_KEYS = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_std")
-
-_PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest", "delay_s", "longest_gap_s")
-
-
-@dataclass(frozen=True)
-class PartChoice:
-    """A part by name with its options as text."""
-
-    name: str
-    options: Mapping[str, str | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -119,7 +100,7 @@ class Case:
     friction: tuple[Friction, ...]
     columns: ColumnMap
     preprocessing: Preprocessing
-    estimator: PartChoice = field(default_factory=lambda: PartChoice("consistent"))
+    estimator: PartChoice = field(default_factory=PartChoice)
     train: tuple[str, ...] = ()
     test: tuple[str, ...] = ()
     split: Split | None = None
@@ -245,15 +226,15 @@ def _read_case(path: str | Path, open_gains: bool) -> Case:
     robot_path = robot_named(top, str(path))
     full = led_by_joints(top, read_robot(robot_path))
     choose = top.has("friction") and top.value("friction") == AUTO
-    robot, locked = _robot(top, full)
+    robot, locked = robot_of(top, full)
     columns = read_columns(top, full)
     return Case(
         robot=robot,
-        friction=tuple(map(FRICTION.make, default_friction())) if choose else _friction(top, robot),
+        friction=tuple(map(FRICTION.make, default_friction())) if choose else friction_of(top, robot),
         choose_friction=choose,
         columns=columns,
-        preprocessing=_preprocessing(top),
-        estimator=_choice(top, "estimator", "consistent"),
+        preprocessing=preprocessing_of(top),
+        estimator=estimator_of(top),
         train=texts(top, "train"),
         test=texts(top, "test"),
         split=guarded(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
@@ -292,109 +273,3 @@ def _servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup | No
     from dynident.case.servo_section import servo_of  # few cases need it
 
     return servo_of(top, robot, columns)
-
-
-def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
-    """Apply gravity, limits, drives, coupling and locked joints, in this order; return also the locked positions."""
-    if top.has("gravity"):
-        robot = robot.with_gravity(gravity_of(top))
-    positions = _locked(top, names := robot.joint_names)
-    if top.has("limits"):
-        from dynident.case.workspace_section import robot_with_limits  # few cases need it
-
-        robot = robot_with_limits(top, robot, [name for name in names if name not in positions])
-    drives: dict[str, Drive] = {}
-    if top.has("drives"):
-        section = top.section("drives", names)
-        for name, joint in zip(names, robot.active, strict=True):
-            if section.has(name):
-                own = section.section(name, DRIVE_KEYS)
-                drives[name] = guarded(section.place(name), lambda own=own, joint=joint: _drive(own, joint.drive))
-    coupling = top.matrix("coupling", len(names), len(names)) if top.has("coupling") else None
-    robot = guarded(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
-    return guarded(top.place("locked"), lambda: robot.locked(positions)) if positions else robot, positions
-
-
-def _locked(top: Section, names: Sequence[str]) -> dict[str, float]:
-    if not top.has("locked"):
-        return {}
-    if top.value("locked") == "rest":
-        return dict.fromkeys((name for name in names if name not in texts(top, "joints")), 0.0)
-    section = top.section("locked", names)
-    return {name: section.number(name) for name in names if section.has(name)}
-
-
-def _drive(section: Section, stated: Drive) -> Drive:
-    return replace(
-        stated,
-        gear_ratio=section.number("gear_ratio", stated.gear_ratio),
-        rotor_inertia=section.number("rotor_inertia", stated.rotor_inertia),
-        gain=section.number("gain") if section.has("gain") else stated.gain,
-        bias=section.number("bias", stated.bias),
-        gain_deviation=section.number("gain_std", 0.0 if section.has("gain") else stated.gain_deviation),
-    )
-
-
-def _preprocessing(top: Section) -> Preprocessing:
-    stated = default_preprocessing()
-    if not top.has("preprocessing"):
-        return stated
-    section = top.section("preprocessing", _PREPROCESSING_KEYS)
-    how = Preprocessing(
-        filter=_part(section, "filter", FILTERS) if section.has("filter") else stated.filter,
-        rate_hz=stated.rate_hz,
-    )
-    delay = section.value("delay_s") if section.has("delay_s") else "0"
-    rate = section.value("rate_hz") if section.has("rate_hz") else AUTO
-    return guarded(
-        section.place(),
-        lambda: replace(
-            how,
-            rate_hz=None if rate in (None, "all", AUTO) else section.number("rate_hz"),
-            rows_per_period=stated.rows_per_period if rate == AUTO else None,
-            trim_s=section.number("trim_s", stated.trim_s),
-            standstill=section.number("standstill", stated.standstill),
-            rest=section.choice("rest", ("mask", "keep"), stated.rest),
-            delay_s=None if delay == AUTO else section.number("delay_s", 0.0),
-            longest_gap_s=section.number("longest_gap_s", stated.longest_gap_s),
-        ),
-    )
-
-
-def _friction(top: Section, robot: Robot) -> tuple[Friction, ...]:
-    """Return the friction parts; the joints that they name are those of the robot."""
-    parts = tuple(_parts(top, "friction", FRICTION, default_friction))
-    if any(part.vary or part.choose or part.options.get("element", 1) > 1 for part in parts):
-        from dynident.case.open_friction import check_part  # the others need none
-
-        for i, part in enumerate(parts):
-            guarded(top.place(f"friction.{i + 1}"), partial(check_part, part, parts[:i]))
-    guarded(top.place("friction"), lambda: DynamicModel(robot, parts))
-    return parts
-
-
-def _parts(top: Section, key: str, family: Family[Any], default: Callable[[], Sequence[str]]) -> list[Any]:
-    if not top.has(key):
-        return [family.make(name) for name in default()]
-    value = top.value(key)
-    if not isinstance(value, list):
-        raise top.place(key).error("not a list", f"write a list such as [{', '.join(default())}]")
-    return [_made(top.place(f"{key}.{i}"), item, family) for i, item in enumerate(value, start=1)]
-
-
-def _part(section: Section, key: str, family: Family[Filter]) -> Any:
-    return _made(section.place(key), section.value(key), family)
-
-
-def _made(place: Place, value: object, family: Family[Any]) -> Any:
-    choice = _choice_of(place, value)
-    return guarded(place, lambda: family.make_from_text(choice.name, choice.options))
-
-
-def _choice(top: Section, key: str, default: str) -> PartChoice:
-    return _choice_of(top.place(key), top.value(key)) if top.has(key) else PartChoice(default)
-
-
-def _choice_of(place: Place, value: object) -> PartChoice:
-    """Return a part written as ``name`` or as ``name: {option: value}``."""
-    return PartChoice(*part_of(place, value))

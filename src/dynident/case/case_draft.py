@@ -16,7 +16,6 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.case_values import model_place
 from dynident.case.draft.case_text import Files, case_text
-from dynident.case.draft.column_groups import split_time
 from dynident.case.draft.command_topics import command_topics, recording, topic_of_joints
 from dynident.case.draft.joint_choice import outside_limits
 from dynident.case.draft.long_table import refuse_long
@@ -28,6 +27,7 @@ from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import is_servo_log, servo_remark
 from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.tied_columns import led_by_columns, with_sums
+from dynident.case.draft.time_columns import split_time
 from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import turns_into_limits
 from dynident.case.questions import Question, questions_in

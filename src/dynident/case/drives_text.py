@@ -6,8 +6,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from dynident.case.case import DRIVE_KEYS, VERSIONS
+from dynident.case.case import VERSIONS
 from dynident.case.questions import ASK, MARK
+from dynident.case.robot_sections import DRIVE_KEYS
 from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place
 from dynident.model.robot import Robot

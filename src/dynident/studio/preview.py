@@ -12,7 +12,7 @@ import numpy as np
 
 from dynident.arrays import Array, finite
 from dynident.case.case import Case
-from dynident.case.draft.column_groups import time_columns, unit_of_time
+from dynident.case.draft.time_columns import time_columns, unit_of_time
 from dynident.data.formats import ColumnMap, LogTable, open_log
 from dynident.data.formats._units import UNITS
 from dynident.errors import BadOption

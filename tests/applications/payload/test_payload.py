@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from benchmarks import loaded_arm
 
 from arm_models import model_of
 from dynident import Estimate, FourierSeries, Inertia, Log, Robot, identify
@@ -30,14 +31,7 @@ GIVEN = Preprocessing(AsGiven(), rest="keep")
 
 
 def with_body(robot: Robot) -> Robot:
-    frame = robot.frames.get(robot.tool)
-    links = list(robot.links)
-    at = len(links) - 1 if frame is None else frame.link
-    own = links[at].inertia
-    assert own is not None
-    moved = BODY if frame is None else BODY.moved(frame.rotation, frame.translation)
-    links[at] = replace(links[at], inertia=own + moved)
-    return replace(robot, links=tuple(links))
+    return loaded_arm.with_body(robot, BODY)
 
 
 def run_of(robot: Robot, seed: int, noise: float = 0.2, warm: float = 1.0) -> Log:

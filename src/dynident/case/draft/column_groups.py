@@ -9,9 +9,8 @@ from itertools import combinations
 
 from dynident.case.draft.column_words import (
     OTHER,
-    SIGNAL,
-    UNIT_WORDS,
     Meaning,
+    container_of,
     meaning_of,
     split_unit,
     tokens_of,
@@ -21,15 +20,6 @@ from dynident.model.robot import Robot
 
 #: Numbers in one name that may be that of the joint; a name with more is no joint's.
 _MOST_NUMBERS = 4
-
-#: Words for a second and its parts, and what else the names of the two columns of a time say.
-_SECONDS: Mapping[str, str] = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("us", "usec", "usecs", "microsecond", "microseconds"), "us"),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds"), "ns"),
-}
-_CLOCKS = frozenset("t tv time timestamp stamp header".split())
-_PARTS_OF_A_SECOND = re.compile(r"(nano|micro)[_ ]?sec(?:ond)?(?=s?\b|s?_)")
 
 #: Units of slides and of joints that turn.
 _OF_KINDS: Mapping[str, frozenset[str]] = {
@@ -113,7 +103,7 @@ def groups_of_robot(header: Sequence[str], robot: Robot) -> list[Group]:
 
 def _single_columns(header: Sequence[str], groups: Sequence[Group]) -> Iterator[Group]:
     """Yield the columns without a number and a joint that have a signal and a unit in their names."""
-    known, container = {name for group in groups for name in group.names}, _container(header)
+    known, container = {name for group in groups for name in group.names}, container_of(header)
     for name in header:
         base, unit = split_unit(name)
         words = words_of(base, container)
@@ -138,63 +128,15 @@ def _of_kinds(groups: Mapping[str, Group], places: Mapping[str, Sequence[int]]) 
     return Group(meaning, columns, False, units=tuple(units[k] for k in sorted(units)))
 
 
-def time_columns(header: Sequence[str]) -> list[str]:
-    """Return the columns that may be the time, the most telling names first: a stamp of a header, then short ones."""
-    found, container = [], _container(header)
-    for name in header:
-        base, unit = split_unit(name)
-        tokens = words_of(base, container)
-        words = [word for word in tokens if not word.isdigit()]
-        if words and len(words) == len(tokens) and meaning_of(words, unit).signal == "time":
-            found.append((words[-2:] != ["header", "stamp"], len(words), name))
-    return [name for *_, name in sorted(found, key=lambda item: item[:2])]
-
-
-def clock_columns(header: Sequence[str]) -> list[str]:
-    """Return the columns that a word for the time and others name, as ``EgmTime_ms``: clocks, commands or durations."""
-    found, container = [], _container(header)
-    for name in header:
-        base, unit = split_unit(name)
-        words = words_of(base, container)
-        told = meaning_of(words, unit)
-        words = words[:-1] if told.unit and not unit and words[-1] in UNIT_WORDS else words
-        if words and not told.signal and "time" in {SIGNAL.get(word) for word in (words[0], words[-1])}:
-            found.append(name)
-    return found
-
-
-def split_time(header: Sequence[str]) -> tuple[tuple[str, str], tuple[str, str]] | None:
-    """Return two columns that are the time together, with the unit of each, such as seconds and nanoseconds."""
-    found: dict[tuple[str, ...], dict[str, str]] = {}
-    for name in header:
-        words = _PARTS_OF_A_SECOND.sub(r"\1second", name.lower())
-        tokens = tokens_of(words)
-        units = [k for k, word in enumerate(tokens) if word in _SECONDS]
-        rest = tuple(word for k, word in enumerate(tokens) if k not in units)
-        if len(units) == 1 and (not rest or _CLOCKS.intersection(rest)):
-            found.setdefault(rest, {}).setdefault(_SECONDS[tokens[units[0]]], name)
-    for columns in found.values():
-        part = next((unit for unit in ("ns", "us") if unit in columns), "")
-        if part and "s" in columns:
-            return (columns["s"], "s"), (columns[part], part)
-    return None
-
-
 def single_temperatures(header: Sequence[str]) -> list[str]:
     """Return the columns that are temperatures by their names, without the number of a joint."""
     found = []
     for name in header:
         base, unit = split_unit(name)
-        words = words_of(base, _container(header))
+        words = words_of(base, container_of(header))
         if not any(word.isdigit() for word in words) and meaning_of(words, unit).signal == "temperature":
             found.append(name)
     return found
-
-
-def unit_of_time(name: str, header: Sequence[str] = ()) -> str:
-    """Return the unit that the name of a time column of a header states; empty where it states none."""
-    base, unit = split_unit(name)
-    return meaning_of([word for word in words_of(base, _container(header)) if not word.isdigit()], unit).unit
 
 
 def _named_groups(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
@@ -204,7 +146,7 @@ def _named_groups(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
     choice of topics.
     """
     found: dict[Meaning, dict[str, dict[Meaning, dict[int, str]]]] = {}
-    forms, container = joint_forms(joints), _container(header)
+    forms, container = joint_forms(joints), container_of(header)
     for name in header:
         place = _named_column(name, forms, container)
         if place is not None:
@@ -349,7 +291,7 @@ def _numbered_groups(header: Sequence[str], count: int) -> list[Group]:
                     twice.add(key)  # the unit alone tells these columns apart
                 holes.setdefault(key, {}).setdefault(int(number[0]), name)
     holes = {key: columns for key, columns in holes.items() if key not in twice}
-    found, container = [], _container(header)
+    found, container = [], container_of(header)
     taken: set[str] = set()
     for (before, after), columns in sorted(holes.items(), key=lambda item: -len(item[1])):
         run = _run(columns, count)
@@ -367,13 +309,6 @@ def _numbered_groups(header: Sequence[str], count: int) -> list[Group]:
             found.append(Group(meaning, run, False, _number_pattern(before, after, run), several))
     order = {name: k for k, name in enumerate(header)}
     return sorted(found, key=lambda group: order[group.names[0]])
-
-
-def _container(header: Sequence[str]) -> str:
-    """Return what all columns begin with up to a dot or a slash, such as the name of a struct; empty for nothing."""
-    low, high = min(header, default=""), max(header, default="")
-    same = next((k for k, signs in enumerate(zip(low, high, strict=False)) if signs[0] != signs[1]), len(low))
-    return low[: max(low.rfind(".", 0, same), low.rfind("/", 0, same)) + 1] if len(header) > 1 else ""
 
 
 def _run(columns: Mapping[int, str], count: int) -> dict[int, str]:

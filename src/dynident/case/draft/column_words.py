@@ -278,3 +278,10 @@ def _one(signals: Sequence[str]) -> str:
     if len(kinds) <= 1:
         return kinds[0] if kinds else ""
     return kinds[-1] if "current" in kinds and len(kinds) == 2 else ""
+
+
+def container_of(header: Sequence[str]) -> str:
+    """Return what all columns begin with up to a dot or a slash, such as the name of a struct; empty for nothing."""
+    low, high = min(header, default=""), max(header, default="")
+    same = next((k for k, signs in enumerate(zip(low, high, strict=False)) if signs[0] != signs[1]), len(low))
+    return low[: max(low.rfind(".", 0, same), low.rfind("/", 0, same)) + 1] if len(header) > 1 else ""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.actuators.lerobot_calibration import SHARES
-from dynident.case.draft.column_groups import groups_of_robot, split_time, unit_of_time
+from dynident.case.draft.column_groups import groups_of_robot
 from dynident.case.draft.column_words import is_pressure
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import has_counts, is_servo_log
 from dynident.case.draft.signal_units import SignalUnit
 from dynident.case.draft.stated_units import stated_unit, units_in_names
+from dynident.case.draft.time_columns import split_time, unit_of_time
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.case.questions import MARK
 from dynident.data.formats._clocked_table import sum_of

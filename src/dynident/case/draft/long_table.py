@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import islice
 from pathlib import Path
 
-from dynident.case.draft.column_groups import time_columns
 from dynident.case.draft.column_words import tokens_of
 from dynident.case.draft.readings import opened
+from dynident.case.draft.time_columns import time_columns
 from dynident.data.formats import LogTable
 from dynident.data.formats._text_header import cells_of
 from dynident.data.formats._text_table import TextTable

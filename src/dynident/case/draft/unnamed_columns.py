@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.case.draft.column_groups import clock_columns, groups_of_robot, joint_columns
+from dynident.case.draft.column_groups import groups_of_robot, joint_columns
 from dynident.case.draft.column_words import ENABLED, is_pressure, tokens_of
 from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.signal_choice import choose_signals
 from dynident.case.draft.structure import ROWS, STANDS, TableStructure, structure_of
+from dynident.case.draft.time_columns import clock_columns
 from dynident.case.draft.yaml_words import listed
 from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import with_clock
