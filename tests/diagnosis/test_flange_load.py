@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -13,8 +15,12 @@ from benchmarks.faults.trials import RATE, virtual
 
 from dynident.case.case import read_case
 from dynident.diagnosis.causes.flange_load import FAR, TOLD, carried, own_inertia
+from dynident.diagnosis.causes.known_bodies import known_bodies
+from dynident.identification.estimate.estimate import Estimate
+from dynident.model.base_parameters import base_parameters
+from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
-from dynident.model.joint import Joint
+from dynident.model.joint import Joint, rotation_about
 from dynident.model.robot import Link, Robot
 
 pytest.importorskip("pinocchio")
@@ -83,6 +89,35 @@ def test_the_branch_of_a_tree_that_carries_a_load_is_named(tmp_path: Path) -> No
         found = [one for one in trial.examined(tmp_path, earlier).findings if one.name != "scale not determined"]
         assert [(one.name, one.joint) for one in found] == [("load at the flange", joints[end].name)]
         assert found[0].numbers["mass_kg"] == pytest.approx(0.8, rel=0.05)
+
+
+def test_a_heavy_load_is_no_unit_of_the_torques(tmp_path: Path) -> None:
+    case = read_case("generic-6r")
+    arm = case.robot.locked({name: 0.4 for name in case.robot.joint_names[4:]})
+    case = replace(case, robot=arm, columns=replace(case.columns, joints=arm.joint_names))
+    earlier = virtual(case, 1, RATE).estimate(tmp_path)
+    *others, last = arm.links
+    assert last.inertia is not None
+    mass = 0.95 * sum(link.inertia.mass for link in arm.links if link.inertia is not None)
+    body = Inertia.from_centre_of_mass(mass, np.array([0.01, 0.02, 0.2]), 0.01 * mass * np.eye(3))
+    heavy = replace(arm, links=(*others, replace(last, inertia=last.inertia + body)))
+    trial = replace(virtual(replace(case, robot=heavy), 2, RATE), case=case)
+    found = [one for one in trial.examined(tmp_path, earlier).findings if one.severity != "note"]
+    assert [one.name for one in found] == ["load at the flange"]
+    assert found[0].numbers["mass_kg"] == pytest.approx(mass, rel=0.02)
+
+
+def test_bodies_are_known_where_frames_are_rounded() -> None:
+    """Maps of base parameters of such frames differ by rounding; left free, bodies hid the mass of a load."""
+    case = read_case("generic-7r")
+    robot = case.robot
+    turn = rotation_about(np.eye(3)[0], 3e-6)
+    robot = replace(robot, joints=tuple(replace(one, rotation=one.rotation @ turn) for one in robot.joints))
+    theirs, ours = (DynamicModel(robot, case.friction[:count]) for count in (2, 3))
+    base, own = base_parameters(theirs), base_parameters(ours)
+    estimate = SimpleNamespace(model=theirs, base=base, beta=np.ones(base.count), covariance=np.eye(base.count))
+    known = known_bodies(cast("Estimate", estimate), ours, own)
+    assert known is not None and len(known.places) == np.sum(own.independent < ours.inertial_count)
 
 
 @pytest.mark.parametrize(("seed", "kind"), [(6007, "RPRR"), (23, "RRR")])

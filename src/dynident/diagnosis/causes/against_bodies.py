@@ -280,10 +280,11 @@ class AgainstBodies:
 
     Attributes:
         fit: The quick fit, whose bodies are free.
+        known: The bodies.
     """
 
     def __init__(self, trends: Trends, known: KnownBodies) -> None:
-        self.fit, self._trends, self._known = trends.fit, trends, known
+        self.fit, self._trends, self.known = trends.fit, trends, known
 
     @cached_property
     def _looked(self) -> tuple[Anchored, tuple[Blame, ...]]:
@@ -294,8 +295,8 @@ class AgainstBodies:
         causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
         search, known = self._search(causes), dict[tuple[str, str], Blame]()
         found, beta = search.blames(), self.fit.plain.beta.copy()
-        beta[self._known.places] = self._known.values
-        for _ in range(0 if isinstance(self._known, NominalBodies) else STEPS):
+        beta[self.known.places] = self.known.values
+        for _ in range(0 if isinstance(self.known, NominalBodies) else STEPS):
             curved = {(one.cause.name, one.cause.joint): one for one in found if one.cause.name in CURVED}
             if all(key in known and np.allclose(one.values, known[key].values, SETTLED) for key, one in curved.items()):
                 break
@@ -324,12 +325,17 @@ class AgainstBodies:
         A load has ten parameters: of as few combinations of bodies of a robot model it explains whatever errors.
         """
         fit, causes = self.fit, [*causes]
-        if len(self._known.places) > TEN or not isinstance(self._known, NominalBodies):
+        if len(self.known.places) > TEN or not isinstance(self.known, NominalBodies):
             for joint, link in ends(fit).items():
                 causes.append(Cause("load at the flange", joint, load_columns(fit, link), hidden=TEN - TOLD))
         causes.append(Cause(*OF_ALL, self.bodies[None]))
         factors = fit.counts / fit.independent_rows
-        return Anchored(self._trends.rows, causes, self._known, factors, lambda: self._trends.errors)
+        return Anchored(self._trends.rows, causes, self.known, factors, lambda: self._trends.errors)
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether a load at the flange explains more than any other cause, another unit of all torques among them."""
+        return bool(self.blames) and self.blames[0].cause.name == "load at the flange"
 
     @cached_property
     def scale_of_all(self) -> tuple[Blame, float]:
@@ -348,12 +354,12 @@ class AgainstBodies:
 
     def error_of_end(self, joint: str) -> float:
         """Return the standard deviation of the mass of a link in kg, whose errors no log tells from a load there."""
-        return FIRST * float(self.masses[ends(self.fit)[joint]]) if isinstance(self._known, NominalBodies) else 0.0
+        return FIRST * float(self.masses[ends(self.fit)[joint]]) if isinstance(self.known, NominalBodies) else 0.0
 
     @cached_property
     def bodies(self) -> Array:
         """Torque of the known bodies, shape (N, n)."""
         fit, rows = self.fit, self.fit.rows
         beta = np.zeros(fit.base.count)
-        beta[self._known.places] = self._known.values
+        beta[self.known.places] = self.known.values
         return np.stack([block @ beta[own] for block, own in zip(rows.blocks, rows.columns, strict=True)], axis=1)

@@ -23,7 +23,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
 
 #: A map of base parameters whose rest is below this share of it is the same.
-SAME = 1e-6
+SAME = 1e-4
 
 #: Deviations of the earlier estimate below this share of its largest, all with unit columns, are rounding.
 SMALLEST = 1e-6

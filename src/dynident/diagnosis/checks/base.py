@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from dynident.case.case import Case
+from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.saturated_rows import without_saturation
@@ -153,6 +154,12 @@ class CheckedLog:
         if self.fit is None or self.earlier is None:
             return None
         return known_bodies(self.earlier, self.fit.model, self.fit.base)
+
+    @cached_property
+    def against_earlier(self) -> AgainstBodies | None:
+        """What the torques leave beside the bodies of the earlier estimate; None where nothing is known of these."""
+        trends, known = self.trends, self.known
+        return None if trends is None or known is None else AgainstBodies(trends, known)
 
 
 class Check(ABC):

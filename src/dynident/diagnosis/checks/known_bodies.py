@@ -11,7 +11,7 @@ import numpy as np
 from dynident.case.evidence.torques import OFF, agrees
 from dynident.diagnosis.causes.against_bodies import OF_ALL, AgainstBodies
 from dynident.diagnosis.causes.cause_search import Blame
-from dynident.diagnosis.causes.known_bodies import KnownBodies, NominalBodies, nominal_bodies, with_rotors
+from dynident.diagnosis.causes.known_bodies import NominalBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.position_spectrum import RIPPLE
 from dynident.diagnosis.causes.several_scales import nominal_ratios
 from dynident.diagnosis.causes.thin_fit import asked_inertias
@@ -57,7 +57,9 @@ class KnownBodiesCheck(Check):
         trends, earlier = subject.trends, subject.known
         if trends is None:
             return []
-        found = [] if earlier is None else _findings(subject, trends, earlier, "against the earlier estimate: ")
+        found, against = list[Finding](), subject.against_earlier
+        if against is not None:
+            found = _findings(subject, trends, against, "against the earlier estimate: ")
         model, base, robot = trends.fit.model, trends.fit.base, subject.case.robot
         nominal = nominal_bodies(model, base, robot, asked_inertias(subject.case))
         theta = model.nominal()
@@ -65,17 +67,16 @@ class KnownBodiesCheck(Check):
             return found
         if earlier is not None and not earlier.agrees(base.from_standard(with_rotors(theta, model, robot))):
             return found  # what the earlier estimate says of the bodies is what the torques are held against
-        return [*found, *_findings(subject, trends, nominal, "against the robot model: ")]
+        return [*found, *_findings(subject, trends, AgainstBodies(trends, nominal), "against the robot model: ")]
 
 
-def _findings(subject: CheckedLog, trends: Trends, known: KnownBodies, words: str) -> list[Finding]:
-    against = AgainstBodies(trends, known)
+def _findings(subject: CheckedLog, trends: Trends, against: AgainstBodies, words: str) -> list[Finding]:
     free = {
         (one.cause.name, one.cause.joint): one
         for one in trends.blames
         if one.cause.name in FREE and (one.cause.name != SCALE or believed(one, subject.trend_scale) is not None)
     }
-    is_model = isinstance(known, NominalBodies)
+    is_model = isinstance(against.known, NominalBodies)
     if is_model and subject.known is None and (unit := _unit(against)):
         return unit
     common = _common(against, words) if is_model else []
@@ -172,10 +173,10 @@ def _load(blame: Blame, against: AgainstBodies) -> Finding:
     told = f"of {mass:+.3g} kg (+- {half:.2g} kg)"
     known = half <= abs(mass) <= against.masses.sum()  # no arm carries more than it weighs
     if not known:  # moments are sure, the mass is not
-        strongest = int(np.argmax(blame.torque))
+        strongest = int(np.argmax(blame.taken))  # of the whole torque, bodies that are not known may take any share off
         felt = against.fit.model.robot.active[strongest]
         unit = "N" if felt.kind == "prismatic" else "N m"
-        told = f"of {blame.torque[strongest]:.3g} {unit} rms at {felt.name}, its mass is not determined"
+        told = f"of {blame.taken[strongest]:.3g} {unit} rms at {felt.name}, its mass is not determined"
     place = f"at the flange{f' of the branch that ends in {joint}' * bool(joint)}"
     evidence = f"a load {place} {told} (t = {blame.certainty:.0f})"
     remedy = (

@@ -56,7 +56,7 @@ class TorqueScale(Check):
             return side
         found = other_scales(subject.scales)
         return [
-            *_all_joints(fit, found, subject.known),
+            *_all_joints(fit, found, subject),
             *_one_joint(subject, found),
             *_open_scales(fit, subject.scales),
             *_lifted(fit),
@@ -138,13 +138,15 @@ def _open_scales(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
     return [Finding("note", "scale not determined", listed(unknown), evidence, remedy, {"joints": float(len(unknown))})]
 
 
-def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies | None) -> list[Finding]:
+def _all_joints(fit: QuickFit, found: Sequence[JointScale], subject: CheckedLog) -> list[Finding]:
     """Return what known bodies say of all torques, that of a joint with another scale in its own.
 
-    Those of an earlier estimate go before the masses of the robot model, which may have none.
+    Those of an earlier estimate go before the masses of the robot model, which may have none. No unit is told where a
+    load explains the difference.
     """
-    mixing = mixing_of(fit, found[0]) if found else None
-    if known is not None:
+    mixing, known = mixing_of(fit, found[0]) if found else None, subject.known
+    is_loaded = subject.against_earlier is not None and subject.against_earlier.is_loaded
+    if known is not None and not is_loaded:
         ratio, alike = against_known(fit, known, mixing)
         if told := _other_unit(ratio, alike, "the earlier estimate", other_unit(fit, ratio)):
             return told
@@ -152,7 +154,7 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], known: KnownBodies |
     if theta is None:
         return []
     ratio, alike = against_nominal(fit, theta, mixing)
-    if told := opposite_torques(fit):
+    if (told := opposite_torques(fit)) or is_loaded:
         return told
     ratios = nominal_ratios(fit, SURE**2)
     other = other_unit(fit, ratio)
