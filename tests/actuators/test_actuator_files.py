@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
-from servo_bench import PENDULUM, motions, parameters, virtual_logs
+from servo_bench import PENDULUM, motions, parameters, virtual_logs, write_csv
 
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator, read_actuators, write_actuators
@@ -27,6 +27,7 @@ from dynident.exports import actuator_proof
 from dynident.exports.c_compiler import build_program, find_compiler, run_program
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
+from dynident.robot_files.robot_origin import robot_facts
 
 KP = 4.0
 
@@ -104,7 +105,7 @@ def test_commanded_velocity_and_torque_of_mit_mode_in_mujoco(
     assert (ours.saturated.mean() > 0.05) == (limit < 9.0)
     for given, is_near in ((shares, True), ([0.0, shares[1]], False), ([shares[0], 0.0], False)):
         commands = command + given[0] * velocity + given[1] * torque
-        q = actuator_proof.driven(mujoco, model, commands[:, None], np.array([0]), np.array([0]))[:, 0]
+        q = actuator_proof.driven(mujoco, model, commands[:, None], np.array([0]), np.array([0]), time)[:, 0]
         error = float(np.mean(np.abs(q - rolled_out(replace(record, start=np.array([q[0], 0.0])), true).q)))
         assert error < actuator_proof.TOLERANCE if is_near else error > 0.02, (given, error)
 
@@ -174,8 +175,8 @@ def test_the_proof_keeps_the_limits_of_the_joints(
     Path("arm.json").write_text(json.dumps(saved))
     driven, ranges = actuator_proof.driven, list[tuple[float, float]]()
 
-    def kept(engine: Any, model: Any, commands: Array, places: Array, drives: Array) -> Array:
-        q = driven(engine, model, commands, places, drives)
+    def kept(engine: Any, model: Any, commands: Array, *others: Array) -> Array:
+        q = driven(engine, model, commands, *others)
         ranges.append((q[:, 1].min(), q[:, 1].max()) if np.ptp(commands[:, 1]) else (0.0, 0.0))
         return q
 
@@ -239,6 +240,43 @@ def test_a_torque_that_no_log_tells_is_no_limit(folder: Path, capsys: pytest.Cap
     assert "the effort limit of the robot model holds" in told["unknown", "mjcf"]
     assert "dead zone and punch of joint1 are no part" in told["ratio", "isaac"] and "punch" not in told["mit", "isaac"]
     assert "known as ratios" in told["ratio", "urdf"] and "known" not in told["known", "isaac"].replace("known.", "")
+
+
+@pytest.mark.parametrize("effort", [0.5, 5.0], ids=["too low", "right"])
+def test_no_limit_is_below_what_the_drive_gave_in_the_logs(
+    folder: Path, capsys: pytest.CaptureFixture[str], effort: float
+) -> None:
+    """A robot model whose effort limit the logs contradict: their largest torque is written, and it is told.
+
+    A file without that torque, of an older version, has the limit of the robot model: the log shows that it is too low.
+    """
+    Path("pendulum.urdf").write_text(PENDULUM.replace('effort="5"', f'effort="{effort}"'))
+    true = parameters(full_torque=2.4 * 0.166 * KP)
+    write_csv(
+        virtual_logs(read_robot("pendulum.urdf"), parameters(full_torque=12.0), gains=(0.2 * KP,))[0], Path("a.csv")
+    )
+    keys = "case: 2\nrobot: pendulum.urdf\nservo: {law: position_servo, kp: unknown, friction: m1}\n"
+    columns = "log: {columns: {time: t, q: [q1], q_ref: [q_ref1], torque: none}}\ntrain: a.csv\n"
+    Path("case.yaml").write_text(keys + columns)
+    own = known(full_torque="not separable, gain_ratio")
+    law, empty = preset("position_servo"), {}
+    for name, most in (("new", 1.9), ("old", np.nan)):
+        joint = JointActuator(
+            "joint1", law, (1.0,), "m1", true, own, (), true, true, *[empty] * 4, 0.0, (), False, most
+        )
+        provenance = {"robot": robot_facts("pendulum.urdf"), "case": {"path": "case.yaml"}}
+        write_actuators(ActuatorEstimate("pendulum", (joint,), provenance), f"{name}.json")
+        told = {}
+        for target in ("mjcf", "urdf"):
+            assert main(["export", f"{name}.json", "--to", target, "-o", f"{name}.{target}"]) == 0
+            told[target] = "".join(capsys.readouterr())
+            limit = read_robot(f"{name}.{target}").active[0].limits.effort
+            assert limit == (max(effort, 1.9) if name == "new" else effort)
+            assert ("the largest torque of the logs is written" in told[target]) == (limit > effort)
+        assert ("warning" in told["mjcf"]) == (limit < 1.0) and "mean over a.csv" in told["mjcf"]
+    Path("a.csv").unlink()
+    assert main(["export", "new.json", "--to", "mjcf", "-o", "new.mjcf"]) == 0
+    assert "not followed along a log" in capsys.readouterr().err
 
 
 def test_tables_hold_the_numbers(arm: dict[str, dict[str, float]]) -> None:

@@ -14,14 +14,12 @@ import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.joint_load import (
-    FINE_LOAD_STEP,
     ArmMotion,
     JointLoad,
     MeasuredMotion,
     between,
     bias_of,
     carrying,
-    divided,
     inertias_of,
     joint_loads,
     load_times,
@@ -38,10 +36,6 @@ from dynident.model.robot import Robot
 #: Passes over the joints in each turn, and where no turn follows.
 SWEEPS, ALL_SWEEPS = 2, 4
 
-#: Passes over the joints of an arm that is let go, at most, and the change of an angle in rad at which they agree: they
-#: come to agree from the first sample on, by some 60 ms a pass where drives are light beside the links.
-_MOST_SWEEPS, _AGREED = 500, 1e-5
-
 
 def relaxed(
     robot: Robot,
@@ -50,7 +44,6 @@ def relaxed(
     motion: ArmMotion,
     ends: Array,
     sweeps: int = SWEEPS,
-    is_free: bool = False,
 ) -> ArmMotion:
     """Return the motion of an arm in one log by the roll-outs of its joints, and what these leave, filtered.
 
@@ -64,7 +57,6 @@ def relaxed(
         motion: What is known of the motion so far.
         ends: Ends of the parts of the load, shape (K + 1,), in s.
         sweeps: Passes over the joints.
-        is_free: Whether what the roll-outs leave of the positions is no part of the motion.
     """
     columns = [motion.q.copy(), motion.dq.copy(), motion.ddq.copy()]
     for _ in range(sweeps):
@@ -72,26 +64,26 @@ def relaxed(
         for joint, (record, own, zero) in enumerate(joints):
             bias = bias_of(robot, ArmMotion(motion.time, *columns), joint)
             load = JointLoad(motion.time, inertias[:, joint], bias)
-            parts = joint_motion(record.under(load), own, None if is_free else measured, ends)
+            parts = joint_motion(record.under(load), own, measured, ends)
             if np.isfinite(parts[0]).all():
                 for column, part, offset in zip(columns, parts, (zero, 0.0, 0.0), strict=True):
                     column[:, joint] = part + offset
     return ArmMotion(motion.time, *columns)
 
 
-def joint_motion(record: JointRecord, own: Array, measured: MeasuredMotion | None, ends: Array) -> Sequence[Array]:
+def joint_motion(record: JointRecord, own: Array, measured: MeasuredMotion, ends: Array) -> Sequence[Array]:
     """Return reading, velocity and acceleration of a joint in the parts of its load, each (K,), two steps a part.
 
     Args:
         record: The joint in the log.
         own: Its parameters, shape (COUNT,).
-        measured: With its filter, where what the roll-out leaves of the positions is part of the motion; else None.
+        measured: With its filter: what the roll-out leaves of the positions is part of the motion.
         ends: Ends of the parts of the load, shape (K + 1,), in s.
     """
     step, time = np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
     model = rolled_out(record.finely(ends), own, longest=0.5 * float(step.max()))
     found = [0.5 * (model.q[1:] + model.q[:-1]), np.diff(model.q) / step, np.diff(model.dq) / step]
-    if measured is None or not np.isfinite(model.q).all():
+    if not np.isfinite(model.q).all():
         return found
     stamps = record.samples[record.read, 0]
     rolled = model.q[:: len(step) // (len(record.q) - 1)]
@@ -118,9 +110,7 @@ def beyond_noise(left: Array, record: JointRecord) -> Array:
     return np.where(record.used, share, 1.0) * left
 
 
-def arm_loads(
-    robot: Robot, log: ServoLog, laws: Sequence[DriveLaw], parameters: Sequence[Array], is_free: bool = False
-) -> list[JointLoad]:
+def arm_loads(robot: Robot, log: ServoLog, laws: Sequence[DriveLaw], parameters: Sequence[Array]) -> list[JointLoad]:
     """Return the load of every joint in a log whose drives are known; the measured one of a single joint.
 
     Args:
@@ -128,24 +118,15 @@ def arm_loads(
         log: The log.
         laws: Drive law of each joint.
         parameters: Of each joint, shape (COUNT,).
-        is_free: Whether the load is that of the whole arm let go: no joint is on its measured motion. It has no value
-            where the roll-outs of the joints do not come to agree.
     """
     measured = measured_motion(log)
     loads = measured_loads(robot, log, measured)
     if robot.dof == 1:
         return loads
     records = [record_of(log, joint, loads[joint], law) for joint, law in enumerate(laws)]
-    ends = divided(load_times(log, robot.dof), FINE_LOAD_STEP) if is_free else load_times(log, robot.dof)
+    ends = load_times(log, robot.dof)
     motion = motion_at(measured, ends)
     zeros = [float(own[PLACE["angle_offset"]]) for own in parameters]
     motion = replace(motion, q=motion.q + zeros)
     joints, own = list(zip(records, parameters, zeros, strict=True)), carrying(robot, log)
-    if not is_free:
-        return joint_loads(own, relaxed(own, joints, measured, motion, ends, ALL_SWEEPS))
-    for _ in range(_MOST_SWEEPS):
-        before, motion = motion, relaxed(own, joints, measured, motion, ends, 1, is_free=True)
-        if np.abs(motion.q - before.q).max() < _AGREED:
-            return joint_loads(own, motion)
-    motion.q[:] = np.nan
-    return joint_loads(own, motion)
+    return joint_loads(own, relaxed(own, joints, measured, motion, ends, ALL_SWEEPS))

@@ -65,6 +65,8 @@ class JointActuator:
             logs in which the joint is not held.
         remarks: What the user has to know.
         slides: Whether the joint slides: m, N and kg stand for rad, N m and kg m^2.
+        largest_torque: Largest torque of the drive in the training logs, by the fit with Coulomb and viscous friction
+            and the measured positions, in N m; nan in files that do not state it.
     """
 
     name: str
@@ -83,6 +85,7 @@ class JointActuator:
     saturated: float
     remarks: tuple[str, ...] = ()
     slides: bool = False
+    largest_torque: float = np.nan
 
     def value(self, name: str) -> float:
         """Return a parameter by its name."""
@@ -101,6 +104,11 @@ class JointActuator:
     def has_torque(self) -> bool:
         """Whether the torque at full duty is known apart from the gain: else nothing tells the largest torque."""
         return not any(one.name == "full_torque" and one.together == "gain_ratio" for one in self.known)
+
+    @property
+    def has_limit(self) -> bool:
+        """Whether the drive has a limit of its torque that the logs determine."""
+        return self.has_torque and bool(np.isfinite(self.law.limit))
 
     def mean_error(self, errors: Mapping[str, float]) -> float:
         """Return the mean over logs, in rad; nan for none."""
@@ -161,6 +169,7 @@ def as_data(estimate: ActuatorEstimate) -> dict[str, Any]:
             "linear_error_rad": dict(joint.linear_test),
             "cross_validation_rad": {key: _finite(v) for key, v in joint.folds.items()},
             "saturated_share": joint.saturated,
+            "largest_torque_in_logs": _finite(joint.largest_torque),
             "remarks": list(joint.remarks),
         }
     found = {"kind": KIND, "version": VERSION, "robot": estimate.robot, "joints": joints}
@@ -236,4 +245,5 @@ def _joint(name: str, own: Mapping[str, Any]) -> JointActuator:
         saturated=own["saturated_share"],
         remarks=tuple(own["remarks"]),
         slides=own["parameters"]["full_torque"].get("unit") == unit_of("full_torque", slides=True),
+        largest_torque=np.nan if own.get("largest_torque_in_logs") is None else own["largest_torque_in_logs"],
     )

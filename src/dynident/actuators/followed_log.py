@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.actuators.arm_motion import arm_loads
+from dynident.actuators.arm_rollout import arm_rolled_out
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
+from dynident.actuators.joint_load import JointLoad
 from dynident.actuators.parameters import PLACE
-from dynident.actuators.rollout import FIRST, HELD, mean_error, record_of, rolled_out, started
+from dynident.actuators.rollout import FIRST, HELD, JointRecord, mean_error, record_of, rolled_out, started
 from dynident.actuators.servo_log import ServoLog, check_gains, is_outside
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
@@ -33,7 +35,7 @@ class FollowedJoint:
         measured: Shape (N,), in rad.
         predicted: Shape (N,), in rad.
         error: Mean absolute error, in rad; the other joints on their measured motion.
-        whole: The same with the whole arm let go, all joints by their roll-outs; infinite where these do not agree.
+        whole: The same with the whole arm let go, all joints together by their commands; infinite where they diverge.
         linear: The same of the linear start.
         nominal: The same with armature, damping and friction of the robot model; nan where it states none.
         load: Root mean square of the torque of the bodies, in N m.
@@ -88,14 +90,14 @@ def followed(
     laws, values = [joint.law for joint in estimate.joints], [joint.parameters for joint in estimate.joints]
     robot = estimate.on(robot)
     loads = [arm_loads(robot, log, laws, values) for log in logs]
-    free = [arm_loads(robot, log, laws, values, is_free=True) for log in logs] if robot.dof > 1 else loads
+    runs = [_whole_arm(estimate, robot, *each) for each in zip(logs, loads, strict=True)]
     for k, (actuator, joint) in enumerate(zip(estimate.joints, robot.active, strict=True)):
         nominal = _stated(actuator, joint)
-        for log, load, alone in zip(logs, loads, free, strict=True):
+        for log, load, (own, whole) in zip(logs, loads, runs, strict=True):
             held = (np.ptp(log.q_ref, axis=0) < HELD) & log.enabled.all(axis=0)
             if held[k] and not held.all():
                 continue
-            record = started(record_of(log, k, load[k], actuator.law), actuator.parameters, FIRST)
+            record = own[k]
             predicted = rolled_out(record, actuator.parameters).q
             by_model = None if nominal is None else rolled_out(record, nominal).q
             found.append(
@@ -110,7 +112,7 @@ def followed(
                     record.q,
                     predicted,
                     mean_error(record, predicted),
-                    mean_error(record, rolled_out(record.under(alone[k]), actuator.parameters).q),
+                    mean_error(record, whole[:, k]),
                     mean_error(record, rolled_out(record, actuator.linear).q),
                     float("nan") if by_model is None else mean_error(record, by_model),
                     float(np.sqrt(np.mean(load[k].torque(log.time, record.q) ** 2))),
@@ -120,6 +122,16 @@ def followed(
                 )
             )
     return tuple(found)
+
+
+def _whole_arm(
+    estimate: ActuatorEstimate, robot: Robot, log: ServoLog, loads: Sequence[JointLoad]
+) -> tuple[list[JointRecord], Array]:
+    """Return each joint in a log from its first reads, and the positions of the whole arm from there, shape (N, n)."""
+    laws, values = [joint.law for joint in estimate.joints], [joint.parameters for joint in estimate.joints]
+    parts = enumerate(zip(loads, laws, values, strict=True))
+    records = [started(record_of(log, k, load, law), own, FIRST) for k, (load, law, own) in parts]
+    return records, arm_rolled_out(robot, log, laws, values, np.column_stack([one.start for one in records]))
 
 
 def _stated(actuator: JointActuator, joint: Joint) -> Array | None:

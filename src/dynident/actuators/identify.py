@@ -205,7 +205,8 @@ def _answer(
     elif is_scaleless and turned is None:
         remarks += unseen_weight(data)
     moved = [row for row, record in zip(data.rows, data.train, strict=True) if not record.is_held]
-    saturated = saturated_share(moved or data.rows, fit.parameters)
+    saturated = saturated_share(moved or data.rows, fit.parameters)[0]
+    largest = saturated_share(data.rows, fit.simple)[1] * float(simple[PLACE["full_torque"]])
     known, combinations = _known_together(data, known, parameters, spread, kp)
     test = [started(one, fit.parameters, FIRST) for one in data.test]
     return JointActuator(
@@ -224,6 +225,7 @@ def _answer(
         folds=fit.folds,
         saturated=saturated,
         remarks=remarks,
+        largest_torque=largest,
     )
 
 

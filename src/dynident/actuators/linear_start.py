@@ -161,14 +161,21 @@ def duty_of(rows: StartRows, delay: float, slew: float) -> tuple[Array, BoolArra
     return np.clip(raw, -most, most), near
 
 
-def saturated_share(rows: Sequence[StartRows], parameters: Array) -> float:
-    """Return the share of the samples whose duty is at its limit by the measured positions, by parameters (COUNT,)."""
+def saturated_share(rows: Sequence[StartRows], parameters: Array) -> tuple[float, float]:
+    """Return the share of the samples whose duty is at its limit by the measured positions, and the largest duty.
+
+    Args:
+        rows: Of each log.
+        parameters: Shape (COUNT,).
+    """
     ratio, delay, slew = (float(parameters[PLACE[name]]) for name in ("gain_ratio", "delay", "slew_limit"))
-    shares = []
+    shares, most = [], 0.0
     for one in rows:
         scaled = replace(one, law=one.law * [ratio, 1.0, 1.0, 1.0])
-        shares.append((np.abs(duty_of(scaled, delay, slew)[0]) >= scaled.law[1]) & (one.on > 0.5))
-    return float(np.mean(np.concatenate(shares)))
+        duty = np.abs(duty_of(scaled, delay, slew)[0]) * (one.on > 0.5)
+        shares.append(duty >= scaled.law[1])
+        most = max(most, float(duty.max()))
+    return float(np.mean(np.concatenate(shares))), most
 
 
 @dataclass(frozen=True)

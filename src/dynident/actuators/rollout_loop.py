@@ -29,19 +29,19 @@ START_Q, START_V = COUNT, COUNT + 1
 
 #: Entries of the work array ``now`` of one step: drive, friction budget, step.
 (
-    _COMMAND, _ERROR, _PER_ERROR, _RATE, _FED, _LIMITED, _DUTY, _ON, _ACTIVE, _STIFFNESS,
+    _COMMAND, _ERROR, _PER_ERROR, _RATE, _FED, _LIMITED, _DUTY, ON, ACTIVE, _STIFFNESS,
     _RATIO, _FADE, _FADE_V, _REST, _BUDGET, _SIGN_1, _SIGN_2, _SQUARE_M, _SQUARE_E,
     _FORCE, _INERTIA, _DAMPING, _STUCK, _SIGN, _HAS_FADE, _DECAY, _SHARE, _SHARE_X, _UNTURNED, _FIRST, _NEXT, _JUMP,
     _GOAL, _LOG, _LAST_V, _LAST_H, _SPAN, _EARLIER, _BY_DELAY,
 ) = range(39)  # fmt: skip
-_ENTRIES = 39
+ENTRIES = 39
 
 #: Steps of an interval in which the command changes by this share of its range are divided into so many.
-_WIDE, _PIECES = 0.2, 8
+WIDE, _PIECES = 0.2, 8
 
-#: Rows of the work array ``slopes``: position, velocity, motor torque, external torque, friction budget, drive force,
-#: goal inside the drive, its mean over a step, velocity before a reversal, in the middle of the step, a step before.
-_ROWS = 11
+#: Rows of ``slopes``: position, velocity, motor torque, external torque, friction budget, drive force, goal inside the
+#: drive, its mean over a step, velocity before a reversal, in the middle of the step, a step before.
+ROWS = 11
 
 
 @inlined
@@ -63,7 +63,7 @@ def _jump(samples: Array, begin: float, h: float, place: int, both: Array, now: 
 
 
 @inlined
-def _added(p: Array, samples: Array, begin: float, h: float, place: int, now: Array) -> None:
+def added_duty(p: Array, samples: Array, begin: float, h: float, place: int, now: Array) -> None:
     """Write mean commanded velocity and added duty of a step, and the derivative of their duty by the delay."""
     row, moment, rate, fed = place, begin, 0.0, 0.0
     while row + 1 < len(samples) and samples[row + 1, 0] < begin + h:
@@ -76,7 +76,7 @@ def _added(p: Array, samples: Array, begin: float, h: float, place: int, now: Ar
 
 
 @inlined
-def _follow(p: Array, samples: Array, begin: float, h: float, place: int, both: Array, now: Array, at: IntArray) -> int:
+def follow(p: Array, samples: Array, begin: float, h: float, place: int, both: Array, now: Array, at: IntArray) -> int:
     """Return the row of the command at a moment; write the goal inside the drive a step later, and its mean.
 
     The goal follows the command at the slew limit at most. Times at which the command changes divide the step, so that
@@ -122,7 +122,7 @@ def _follow(p: Array, samples: Array, begin: float, h: float, place: int, both: 
 
 
 @inlined
-def _pieces(samples: Array, end: float, place: int, wide: float) -> int:
+def pieces(samples: Array, end: float, place: int, wide: float) -> int:
     """Return into how many a step is divided: a joint at rest or reversing then has another friction than the mean."""
     row = place + 1
     while row < len(samples) and samples[row, 0] < end:
@@ -189,10 +189,10 @@ def _budget_slopes(p: Array, v: float, motor: float, external: float, now: Array
 def _drive_slopes(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Write the derivatives of the force of the drive (``slopes[5]``) and of motor and external torque."""
     sq, sv, dm, de, force, mean = slopes[0], slopes[9], slopes[2], slopes[3], slopes[5], slopes[7]
-    full, free = now[_ACTIVE] * p[_TORQUE], 1.0 - now[_LIMITED]
+    full, free = now[ACTIVE] * p[_TORQUE], 1.0 - now[_LIMITED]
     most = full * free
     by_error = most * p[_GAIN] * now[_PER_ERROR] if now[_ERROR] != 0.0 else 0.0
-    by_speed, stiffness = now[_ON] * p[_EMF] + most * p[_KD], now[_STIFFNESS]
+    by_speed, stiffness = now[ON] * p[_EMF] + most * p[_KD], now[_STIFFNESS]
     for k in range(len(force)):
         force[k] = by_error * (mean[k] - sq[k])
     if now[_FIRST] < 1.0:
@@ -200,13 +200,13 @@ def _drive_slopes(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -
     force[at[_GAIN]] += full * now[_PER_ERROR] * now[_ERROR]
     force[at[_DELAY]] += most * now[_BY_DELAY]
     force[at[_KD]] += most * now[_RATE]
-    force[at[_TORQUE]] += now[_ACTIVE] * now[_DUTY]
+    force[at[_TORQUE]] += now[ACTIVE] * now[_DUTY]
     for k in range(len(force)):
         dm[k] = force[k] - by_speed * sv[k]
         de[k] = stiffness * sq[k]
-    dm[at[_EMF]] -= now[_ON] * v
+    dm[at[_EMF]] -= now[ON] * v
     dm[at[_KD]] -= most * v
-    dm[at[_TORQUE]] -= now[_ACTIVE] * free * p[_KD] * v
+    dm[at[_TORQUE]] -= now[ACTIVE] * free * p[_KD] * v
     de[at[_OFFSET]] += stiffness
 
 
@@ -227,8 +227,8 @@ def _carry(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     by_damping = by_x * h / inertia
     sv[at[_DELAY]] -= now[_EARLIER]
     sv[at[_VISCOUS]] += by_damping
-    sv[at[_EMF]] += by_damping * now[_ON]
-    free = now[_ACTIVE] * (1.0 - now[_LIMITED])
+    sv[at[_EMF]] += by_damping * now[ON]
+    free = now[ACTIVE] * (1.0 - now[_LIMITED])
     sv[at[_KD]] += by_damping * free * p[_TORQUE]
     sv[at[_TORQUE]] += by_damping * free * p[_KD]
     sv[at[_ARMATURE]] -= by_damping * now[_DAMPING] / inertia + share * pushed / inertia
@@ -249,7 +249,7 @@ def _drift(h: float, slopes: Array) -> None:
 
 
 @inlined
-def _middle(h: float, v: float, now: Array, slopes: Array) -> float:
+def middle_speed(h: float, v: float, now: Array, slopes: Array) -> float:
     """Return the velocity in the middle of a step, on the line through those at its begin and a step before.
 
     A joint that rests or would turn round there counts as at rest. Its derivatives are written, ``slopes[9]``.
@@ -287,7 +287,7 @@ def _drive(p: Array, h: float, q: float, v: float, middle: float, external: floa
                 now[_ERROR] += share * error
             now[_DUTY], now[_JUMP] = now[_DUTY] + share * duty, now[_JUMP] + sign * whole
         if sign > 0.0 and share < 1.0 and v == 0.0:
-            force = now[_ACTIVE] * p[_TORQUE] * now[_JUMP]
+            force = now[ACTIVE] * p[_TORQUE] * now[_JUMP]
             _budget(p, 0.0, force, external, now)
             rests = abs(force + external) <= now[_BUDGET]
         share, sign = 1.0 - share, -1.0
@@ -298,7 +298,7 @@ def _drive(p: Array, h: float, q: float, v: float, middle: float, external: floa
 
 
 @inlined
-def _push(
+def push(
     p: Array, step: float, q: float, v: float, middle: float, load: Array, law: Array, now: Array
 ) -> tuple[float, float, float]:
     """Return the velocity after one step with the forces in its middle, and motor and external torque."""
@@ -306,8 +306,8 @@ def _push(
     external = -(load[1] + load[2] * cosine + load[3] * sine)
     now[_STIFFNESS] = load[2] * sine - load[3] * cosine  # d external / d angle
     rests = _drive(p, step, q, v, middle, external, law, now)
-    h, full = now[_SPAN], now[_ACTIVE] * p[_TORQUE]
-    force, braking = full * now[_DUTY], now[_ON] * p[_EMF] + full * p[_KD] * (1.0 - now[_LIMITED])
+    h, full = now[_SPAN], now[ACTIVE] * p[_TORQUE]
+    force, braking = full * now[_DUTY], now[ON] * p[_EMF] + full * p[_KD] * (1.0 - now[_LIMITED])
     motor = force - braking * middle
     _budget(p, middle, motor, external, now)
     inertia = load[0] + p[_ARMATURE]
@@ -336,6 +336,14 @@ def _push(
     return unturned + 2.0 * sign * budget * rest / inertia, motor, external
 
 
+@inlined
+def begin_joint(p: Array, samples: Array, v: float, now: Array, at: IntArray) -> None:
+    """Write what a joint begins with at a velocity."""
+    now[_GOAL], now[_LAST_V], now[_LAST_H] = samples[0, 1], v, math.inf
+    for k in (_COULOMB_S, _LMS, _LES, _LMQ, _LEQ):  # without these no part of the friction fades with the speed
+        now[_HAS_FADE] = 1.0 if p[k] != 0.0 or at[k] >= 0 else now[_HAS_FADE]
+
+
 @compiled
 def roll_out(
     p: Array, samples: Array, loads: Array, law: Array, start: Array, longest: float, at: IntArray, out: Array
@@ -359,32 +367,30 @@ def roll_out(
         out: Positions and velocities at the samples, 1 where the duty was at its limit in the interval after a
             sample, and the derivatives of the positions, shape (N, 3 + f); written.
     """
-    (q, v), place, count, wide = start, 0, out.shape[1] - 3, _WIDE * float(np.ptp(samples[:, 1]))
-    now, parts = np.zeros(_ENTRIES), len(loads) // max(len(samples) - 1, 1)
-    now[_GOAL], now[_LAST_V], now[_LAST_H] = samples[0, 1], v, math.inf
-    slopes = np.zeros((_ROWS, count + 1))
+    (q, v), place, count, wide = start, 0, out.shape[1] - 3, WIDE * float(np.ptp(samples[:, 1]))
+    now, parts = np.zeros(ENTRIES), len(loads) // max(len(samples) - 1, 1)
+    slopes = np.zeros((ROWS, count + 1))
     slopes[0, at[START_Q]] = slopes[1, at[START_V]] = 1.0
-    for k in (_COULOMB_S, _LMS, _LES, _LMQ, _LEQ):  # without these no part of the friction fades with the speed
-        now[_HAS_FADE] = 1.0 if p[k] != 0.0 or at[k] >= 0 else now[_HAS_FADE]
+    begin_joint(p, samples, v, now, at)
     for i in range(len(samples)):
         out[i, 0], out[i, 1], out[i, 2] = q, v, 0.0
         out[i, 3:] = slopes[0, :count]
         if i + 1 == len(samples):
             break
         steps = parts * max(1, math.ceil((samples[i + 1, 0] - samples[i, 0]) / (parts * longest) - 1e-9))
-        steps *= _pieces(samples, samples[i + 1, 0] - p[_DELAY], place, wide)
+        steps *= pieces(samples, samples[i + 1, 0] - p[_DELAY], place, wide)
         h = (samples[i + 1, 0] - samples[i, 0]) / steps
-        now[_ON], now[_ACTIVE] = samples[i, 4], samples[i, 4] * samples[i, 5]
+        now[ON], now[ACTIVE] = samples[i, 4], samples[i, 4] * samples[i, 5]
         for step in range(steps):
             begin = samples[i, 0] + step * h - p[_DELAY]
-            place = _follow(p, samples, begin, h, place, slopes[6:8], now, at)
+            place = follow(p, samples, begin, h, place, slopes[6:8], now, at)
             load = loads[parts * i + step * parts // steps]
-            _added(p, samples, begin, h, place, now)
-            before, middle = v, _middle(h, v, now, slopes)
+            added_duty(p, samples, begin, h, place, now)
+            before, middle = v, middle_speed(h, v, now, slopes)
             q += 0.5 * h * v
-            v, motor, external = _push(p, h, q, before, middle, load, law, now)
+            v, motor, external = push(p, h, q, before, middle, load, law, now)
             q += 0.5 * h * v
-            out[i, 2] = max(out[i, 2], math.ceil(now[_LIMITED]) * now[_ON])
+            out[i, 2] = max(out[i, 2], math.ceil(now[_LIMITED]) * now[ON])
             if count:
                 _drift(h, slopes)
                 _drive_slopes(p, middle, now, slopes, at)

@@ -98,6 +98,17 @@ def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple
         DescriptionError: The robot model is not the one that the actuators were identified with.
         DynidentError: A log that is not sound, as of :func:`actuators`.
     """
+    case, found = logs_to_follow(estimate, logs)
+    with one_blas_thread():
+        return followed(estimate, case.robot, found, _seen(estimate, found))
+
+
+def logs_to_follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple[Case, list[ServoLog]]:
+    """Return the case of an estimate and the logs of :func:`follow`.
+
+    Raises:
+        DynidentError: As of :func:`follow`.
+    """
     stated = estimate.provenance.get("case", {})
     case = read_case(file_of_fit(estimate, stated) or stated.get("path", ""))
     facts = estimate.provenance.get("robot", {})
@@ -109,8 +120,7 @@ def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple
     if logs:
         case = replace(with_logs(case, [str(log) for log in logs], ())[0], split=None)
     train, test = logs_of_servos(case)
-    with one_blas_thread():
-        return followed(estimate, case.robot, test or train, _seen(estimate, test or train))
+    return case, test or train
 
 
 def _test_logs(estimate: ActuatorEstimate) -> list[str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dynident.actuators.estimate import ActuatorEstimate
     from dynident.actuators.followed_log import FollowedJoint
+    from dynident.actuators.servo_log import ServoLog
     from dynident.case.case import Case
 
 #: Options of 'identify' that are for logs with torques, and have no meaning here.
@@ -183,9 +184,12 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
         DynidentError: No such target, several gains, or a package that is not installed.
     """
     from dynident.actuators.estimate import read_actuators
+    from dynident.api.actuators import logs_to_follow
     from dynident.cli import console
-    from dynident.exports.actuator_files import actuator_file, export_remarks
+    from dynident.errors import DynidentError
+    from dynident.exports.actuator_files import actuator_file
     from dynident.exports.actuator_proof import simulated_differences
+    from dynident.exports.actuator_remarks import export_remarks
     from dynident.files import check_outputs, write_atomically
 
     _refuse(options, _OF_OTHERS, f"{options.file} holds actuators; leave it out")
@@ -193,32 +197,49 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     model = str(dict(estimate.provenance.get("robot", {})).get("path", ""))
     check_outputs((options.output,), (options.file, model))
     text = actuator_file(estimate, options.to, stated)
-    differences = None if options.no_proof else simulated_differences(estimate, options.to, stated)
+    reason = list[str]()
+
+    def logs() -> list[ServoLog]:
+        try:
+            return logs_to_follow(estimate)[1]
+        except DynidentError as error:  # the case or a log is not there any more
+            reason.append(str(error))
+            return []
+
+    proof = None if options.no_proof else simulated_differences(estimate, options.to, stated, logs)
     if not options.check:
         write_atomically(options.output, text)
     if options.json:
         files = [] if options.check else [options.output]
-        console.answer_json({"files": files, "target": options.to, "mujoco_difference_rad": differences})
+        own, on_logs = proof or (None, None)
+        data = {"files": files, "target": options.to, "mujoco_difference_rad": own}
+        console.answer_json({**data, "mujoco_difference_on_logs_rad": on_logs})
         return 0
-    if differences is not None:
-        console.answer(_proof_line(differences))
+    for line in _proof_lines(*proof) if proof is not None else ():
+        console.answer(line)
+    if reason:
+        console.remark(f"not followed along a log: {reason[0]}", options.quiet)
     for text in export_remarks(estimate, options.to, stated):
         console.remark(text, options.quiet)
     console.remark(f"{'would write' if options.check else 'wrote'} {options.output}", options.quiet)
     return 0
 
 
-def _proof_line(differences: Mapping[str, float]) -> str:
+def _proof_lines(differences: Mapping[str, float], on_logs: Mapping[str, Mapping[str, float]]) -> list[str]:
     """Return how far MuJoCo is from the roll-out, in words."""
     from dynident.exports.actuator_proof import TOLERANCE
+    from dynident.results.text import format_number
 
     if not differences:
-        return "not compared with MuJoCo: the robot model has joints that were not identified, and they have no drive"
-    joint = max(differences, key=lambda name: differences[name])
-    text = f"MuJoCo and the roll-out differ by {1e3 * differences[joint]:.2g} mrad ({joint}; mean over chirp and steps)"
-    if differences[joint] <= TOLERANCE:
-        return text
-    return f"warning: {text}, more than {1e3 * TOLERANCE:g} mrad: compare on your own motions before you rely on it"
+        return ["not compared with MuJoCo: the robot model has joints that were not identified, and they have no drive"]
+    found, step = list[str](), "compare on your own motions before you rely on it"
+    for motion, own in (("chirp and steps", differences), *on_logs.items()):
+        joint = max(own, key=lambda name: own[name])
+        size = format_number(1e3 * own[joint], 2)
+        text = f"MuJoCo and the roll-out differ by {size} mrad ({joint}; mean over {motion})"
+        is_far = own[joint] > TOLERANCE
+        found.append(f"warning: {text}, more than {1e3 * TOLERANCE:g} mrad: {step}" if is_far else text)
+    return found
 
 
 def validate(options: argparse.Namespace) -> int:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -14,8 +13,7 @@ import yaml
 from defusedxml import ElementTree
 
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
-from dynident.actuators.parameters import PLACE, unit_for
-from dynident.actuators.verdict import lacks_scale
+from dynident.actuators.parameters import PLACE
 from dynident.errors import BadOption, MissingDependency, UnknownChoice
 from dynident.exports.actuator_bodies import robot_of, set_bodies, urdf_of
 from dynident.exports.names_in_files import shown_names
@@ -72,12 +70,21 @@ def simulator_joint(joint: JointActuator, kp: float) -> SimulatorJoint:
         viscous=value("viscous"),
         frictionloss=value("coulomb"),
         armature=value("armature"),
-        largest_torque=value("full_torque") * joint.law.limit if joint.has_torque else np.inf,
+        largest_torque=value("full_torque") * joint.law.limit if joint.has_limit else np.inf,
         damping_gain=value("full_torque") * value("damping_gain"),
         delay_s=value("delay"),
         slew_limit=value("slew_limit"),
         angle_offset=value("angle_offset"),
     )
+
+
+def written_limit(joint: JointActuator, effort: float) -> float:
+    """Return the force limit of a joint in a robot model that has an effort limit, in N m; infinite for none.
+
+    That of the duty where it is known. Else that of the robot model, but no less than the drive gave in the logs.
+    """
+    known = simulator_joint(joint, 1.0).largest_torque
+    return known if np.isfinite(known) else float(np.fmax(effort, joint.largest_torque))
 
 
 def command_words(joint: JointActuator, kp: float) -> str:
@@ -132,7 +139,7 @@ def mujoco_spec(estimate: ActuatorEstimate, kp: float) -> tuple[Any, Any]:
     """Return the module of MuJoCo, and the robot model with the actuators as its MjSpec.
 
     They replace the actuators and the armature, damping, frictionloss and effort limits that the model has for these
-    joints; an effort limit stays where the largest torque is not known.
+    joints; an effort limit stays where the largest torque is not known and the logs do not contradict it.
 
     Raises:
         MissingDependency: MuJoCo is not installed.
@@ -162,7 +169,7 @@ def mujoco_spec(estimate: ActuatorEstimate, kp: float) -> tuple[Any, Any]:
         actuator.set_to_position(kp=one.stiffness, kv=one.damping_gain)
         if words := command_words(own, kp):
             spec.add_text(name=f"{one.name}_command", data=words)
-        most = one.largest_torque if np.isfinite(one.largest_torque) else efforts.get(own.name, np.inf)
+        most = written_limit(own, efforts.get(own.name, np.inf))
         if np.isfinite(most):
             actuator.forcelimited, actuator.forcerange = True, [-most, most]
             joint.actfrclimited, joint.actfrcrange = True, [-most, most]
@@ -228,18 +235,21 @@ def urdf_dynamics(estimate: ActuatorEstimate, kp: float) -> str:
     if not path.lower().endswith(".urdf"):
         raise BadOption("to", "urdf", f"the robot model of the identification is {path}, no URDF")
     root = ElementTree.fromstring(urdf_of(estimate, path))
-    rows = _rows(estimate, kp)
+    actuators = {joint.name: joint for joint in estimate.joints}
     for joint in root.iter("joint"):
-        one = rows.get(joint.get("name", ""))
-        if one is None:
+        own = actuators.get(joint.get("name", ""))
+        if own is None:
             continue
+        one = simulator_joint(own, kp)
         for old in joint.findall("dynamics"):
             joint.remove(old)
         dynamics = {"damping": f"{one.damping:.9g}", "friction": f"{one.frictionloss:.9g}"}
         joint.append(joint.makeelement("dynamics", dynamics))
         limit = joint.find("limit")
-        if limit is not None and np.isfinite(one.largest_torque):
-            limit.set("effort", f"{one.largest_torque:.9g}")
+        if limit is not None:
+            most = written_limit(own, float(limit.get("effort", 0.0)) or np.inf)
+            if np.isfinite(most):
+                limit.set("effort", f"{most:.9g}")
     return str(ElementTree.tostring(root, encoding="unicode")) + "\n"
 
 
@@ -301,55 +311,6 @@ TARGETS: Final[Mapping[str, Callable[[ActuatorEstimate, float], str]]] = {
     "urdf": urdf_dynamics,
     "c_header": c_header,
 }
-
-#: Those that hold the bodies too.
-_WITH_BODIES: Final = (mujoco_model, urdf_dynamics)
-
-
-def _held_out(joint: JointActuator) -> str:
-    """Return the errors on held-out logs of the friction that is exported and of the one that was found, if known."""
-    errors = [1e3 * joint.folds.get(name, float("nan")) for name in (PLAIN, joint.friction)]
-    unit = unit_for("mrad", joint.slides)
-    return f" (held out {errors[0]:.3g} {unit} for {errors[1]:.3g})" if np.all(np.isfinite(errors)) else ""
-
-
-def export_remarks(
-    estimate: ActuatorEstimate, target: str, options: Mapping[str, Any] = MappingProxyType({})
-) -> list[str]:
-    """Return what has to be said of an export: torques that are not known, bodies that a target has not.
-
-    Args:
-        estimate: The actuators.
-        target: Name of the target.
-        options: Those of the target.
-    """
-    has_model, found = TARGETS.get(target) in _WITH_BODIES, list[str]()
-    commands: dict[str, list[str]] = {}
-    for joint in estimate.joints if TARGETS.get(target) is mujoco_model else ():
-        commands.setdefault(command_words(joint, stated_gain(estimate, options)), []).append(joint.name)
-    found += [f"commanded velocity and torque of {', '.join(own)}: {words}" for words, own in commands.items() if words]
-    richer = [joint for joint in estimate.joints if joint.friction != PLAIN]
-    if richer:
-        told = [f"{joint.name} {joint.friction}{_held_out(joint)}" for joint in richer]
-        found.append(f"exported is the fit with Coulomb and viscous friction alone, in the place of {'; '.join(told)}")
-    unknown = [joint.name for joint in estimate.joints if not np.isfinite(simulator_joint(joint, 1.0).largest_torque)]
-    if unknown:
-        limit = "the effort limit of the robot model holds" if has_model else "none is written"
-        found.append(f"the largest torque of {', '.join(unknown)} is not known: {limit}")
-    ratios = [joint.name for joint in estimate.joints if lacks_scale({one.name: one.label for one in joint.known})]
-    if ratios:
-        found.append(
-            f"torques, friction and armature of {', '.join(ratios)} are known as ratios: nothing gives their scale"
-        )
-    bent = [joint.name for joint in estimate.joints if joint.law.dead_zone or joint.law.punch]
-    if bent:
-        found.append(
-            f"dead zone and punch of {', '.join(bent)} are no part of it: its drives are linear to their limit"
-        )
-    if estimate.bodies is not None and not has_model:
-        names = " or ".join(name for name, write in TARGETS.items() if write in _WITH_BODIES)
-        found.append(f"its torques belong to the bodies that were found: export those with --to {names}")
-    return found
 
 
 def actuator_file(estimate: ActuatorEstimate, target: str, options: Mapping[str, Any]) -> str:
