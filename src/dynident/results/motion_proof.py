@@ -45,7 +45,9 @@ def _row(run: FollowedMotion) -> tuple[str, ...]:
 
 
 def not_run_lines(proof: MotionProof) -> Iterator[str]:
-    """Yield what was not run or not to its end, and why."""
+    """Yield what was not run or not to its end, and why, and which shapes stand in the way of the motion."""
+    if proof.touching:
+        yield label(proof.contact)
     for reason in dict.fromkeys((run.simulator, run.why_not) for run in proof.runs if run.why_not):
         yield f"not simulated with {reason[0]}: {label(reason[1])}"
     shorter = [run for run in proof.runs if not (run.why_not or run.failure) and run.duration < 0.99 * proof.duration]

@@ -116,6 +116,20 @@ def test_an_own_mjcf_whose_meshes_are_missing_is_simulated_without_them(
     assert {name.endswith(" without meshes") for name in names} == {not are_there}
 
 
+def test_shapes_that_touch_along_the_motion_are_named(estimate: Estimate, log: Log, tmp_path: Path) -> None:
+    """Balls of 1 m about the first and the last body: MuJoCo lets only a body and its parent stand in each other."""
+    pytest.importorskip("mujoco")
+    own, target = tmp_path / "own.xml", tmp_path / "arm.xml"
+    dynident.export(estimate, "mjcf", own)
+    ball = '<geom type="sphere" size="1"/><joint'
+    before, _, after = own.read_text(encoding="utf-8").replace("<joint", ball, 1).rpartition("<joint")
+    own.write_text(before + ball + after, encoding="utf-8")
+    with pytest.raises(
+        FileError, match="shapes that touch along the motion, which MuJoCo pushes apart: link1 and link3"
+    ):
+        dynident.export(estimate, "mjcf", target, description=own, proof=log)
+
+
 def test_sharp_friction_is_not_run_in_the_own_simulator_and_says_why(estimate: Estimate, log: Log) -> None:
     parts = (Coulomb(width=0.0), *estimate.model.friction[1:])
     sharp = replace(estimate, model=replace(estimate.model, friction=parts))

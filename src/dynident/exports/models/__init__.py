@@ -159,6 +159,7 @@ def _followed(subject: Identified, motion: Log, target: Path) -> MotionProof:
     found = prove_motion(subject, motion)
     for run in found.failures:
         how = f"{run.simulator} under '{run.controller}' at {1e3 * run.step:g} ms"
-        step = "nothing was written; identify with plausible links (--bodies plausible), or export without --prove"
+        step = "identify with plausible links (--bodies plausible), or export without --prove"
+        step = f"nothing was written; {found.contact or step}"
         raise FileError(target, f"the model does not follow the motion of {found.log} in {how}: {run.failure}", step)
     return found

@@ -9,6 +9,9 @@ from typing import Any
 #: Steps of the own integration at most, as friction of light joints asks for short ones; the motion is cut there.
 MOST_STEPS = 300_000
 
+#: Pairs of touching bodies that are named at most.
+PAIRS = 4
+
 
 @dataclass(frozen=True)
 class FollowedMotion:
@@ -46,6 +49,7 @@ class MotionProof:
         runs: The runs.
         condition: Median and largest condition number of the mass matrix along the motion.
         nominal_condition: The same with the bodies of the robot model and the same rotors; None where it states none.
+        touching: Pairs of bodies whose shapes touch along the motion in MuJoCo, which pushes them apart.
     """
 
     log: str
@@ -54,11 +58,24 @@ class MotionProof:
     runs: tuple[FollowedMotion, ...]
     condition: tuple[float, float]
     nominal_condition: tuple[float, float] | None
+    touching: tuple[tuple[str, str], ...] = ()
 
     @property
     def failures(self) -> tuple[FollowedMotion, ...]:
         """The runs that diverged."""
         return tuple(run for run in self.runs if run.failure)
+
+    @property
+    def contact(self) -> str:
+        """Which shapes touch along the motion, and what to do; empty for none."""
+        if not self.touching:
+            return ""
+        pairs = ", ".join(f"{one} and {two}" for one, two in self.touching[:PAIRS])
+        more = f" and {len(self.touching) - PAIRS} more pairs" if len(self.touching) > PAIRS else ""
+        return (
+            f"shapes that touch along the motion, which MuJoCo pushes apart: {pairs}{more}; where the robot does not "
+            "touch itself, leave the pair out in the MJCF (<contact><exclude body1= body2=/></contact>)"
+        )
 
     def data(self) -> dict[str, Any]:
         """Return it as plain data; a number that does not exist is None."""
@@ -67,4 +84,5 @@ class MotionProof:
             values = getattr(self, key)
             named = zip(("median", "largest"), values or (), strict=False)
             found[key] = {name: v if isfinite(v) else None for name, v in named} if values else None
+        found["touching"] = [list(pair) for pair in self.touching]
         return found | {"runs": [asdict(run) | {"error": list(run.error)} for run in self.runs]}

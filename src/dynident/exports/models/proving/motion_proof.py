@@ -77,7 +77,8 @@ def prove_motion(subject: Identified | Estimate, log: Log) -> MotionProof:
         for bodies in (subject.theta[: subject.model.inertial_count], nominal)
     ]
     assert conditions[0] is not None
-    return MotionProof(motion.log, motion.start, motion.duration, runs, conditions[0], conditions[1])
+    touching = _touching(followed)
+    return MotionProof(motion.log, motion.start, motion.duration, runs, conditions[0], conditions[1], touching)
 
 
 def _condition(subject: Identified, bodies: Array, q: Array) -> tuple[float, float]:
@@ -253,6 +254,30 @@ def _mujoco_model(subject: Identified, step: float) -> tuple[Any, str]:
     model.opt.timestep = step
     model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_AUTORESET)  # a lost motion stays lost
     return model, without
+
+
+def _touching(followed: _Followed) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of bodies of the MJCF that touch along the motion; none where MuJoCo does not run it."""
+    if not mujoco_version():
+        return ()
+    import mujoco
+
+    api: Any = mujoco
+    try:
+        with without_log():
+            model, _ = _mujoco_model(followed.subject, STEPS[0])
+    except DynidentError:
+        raise
+    except Exception:  # an engine of others may raise anything; its runs say so
+        return ()
+    found, state = dict[tuple[str, str], None](), api.MjData(model)
+    states = np.asarray(followed.motion.evaluate(np.linspace(0.0, followed.motion.duration, LOOKS)))
+    for k in range(LOOKS):
+        _begin(followed.subject, model, state, states[:, k])
+        api.mj_forward(model, state)
+        bodies = [model.geom_bodyid[one.geom] for one in state.contact[: state.ncon] if one.dist < 0.0]
+        found |= dict.fromkeys((model.body(one).name, model.body(two).name) for one, two in bodies)
+    return tuple(found)
 
 
 def _loaded(api: Any, subject: Identified) -> Any:
