@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.faults.moved_links import KINDS, holds, moved
 
+from dynident.api.log_checks import check_logs
 from dynident.case.case import read_case
 from dynident.diagnosis.examination import examine
 from dynident.diagnosis.finding import Finding
@@ -33,9 +34,14 @@ def test_elastic_joints_are_told_as_such_and_stiff_ones_are_silent(seed: int, tm
 def test_a_wrong_zero_is_told_with_the_line_that_mends_it(seed: int, tmp_path: Path) -> None:
     log = moved(seed, "zero")
     (joint,) = (name for name, value in log.truth.items() if value)
-    (zero,) = [one for one in log.told(tmp_path) if one.name == "position zero"]
+    found = log.told(tmp_path)
+    (zero,) = [one for one in found if one.severity != "note"]
+    assert (zero.severity, zero.name) == ("error", "position zero")  # and no inconsistent links beside it
     assert zero.joint == joint and holds(zero, log.truth[joint])
     assert zero.numbers["half_width"] < 0.02 < abs(zero.numbers["value"])
+    case = read_case(tmp_path / "case.yaml")
+    (quality,) = check_logs(case, [case.read(str(tmp_path / "run.csv"))])  # as identify checks what it has read
+    assert zero.remedy in [one["remedy"] for one in quality["findings"]]
     line = zero.remedy.split("log: ")[1].rstrip(")")
     text = (tmp_path / "case.yaml").read_text()
     (tmp_path / "case.yaml").write_text(text.replace("log:\n", f"log:\n  {line}\n"))

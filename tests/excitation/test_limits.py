@@ -92,8 +92,8 @@ def test_a_joint_without_a_speed_limit_is_named(planar_2r: Robot) -> None:
     [
         (JointLimits(velocity=0.0), r"velocity of joint2 = 0.0 .*lock the joint in the case.*locked: {joint2: VALUE}"),
         (JointLimits(0.0, 0.0, 1.0), r"position of joint2 = \[0.0, 0.0\] .*no range.*locked: {joint2: VALUE}"),
-        (JointLimits(velocity=1.0, effort=0.0), r"effort of joint2 = 0.0 .*state the limit in the robot model"),
-        (JointLimits(velocity=1.0, jerk=0.0), r"jerk of joint2 = 0.0 .*or leave it out there: then it is not checked"),
+        (JointLimits(velocity=1.0, effort=0.0), r"effort of joint2 = 0.0 .*in a case file .limits: {effort: "),
+        (JointLimits(velocity=1.0, jerk=0.0), r"jerk of joint2 = 0.0 .*or leave it out of the robot"),
     ],
 )
 def test_limits_of_zero_are_named_with_the_way_out(planar_2r: Robot, limit: JointLimits, message: str) -> None:

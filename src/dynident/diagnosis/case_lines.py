@@ -23,6 +23,11 @@ _SI = {
 TURNED = 200.0
 
 
+def has_case_line(finding: Finding) -> bool:
+    """Return whether a line of the case file may obey a finding."""
+    return finding.name == "position zero" or _stated(finding) is not None or bool(_factors(finding))
+
+
 def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot, found: Sequence[Finding] = ()) -> Finding:
     """Return a finding whose remedy has the line of the case file, where units, signs or scales are at fault.
 

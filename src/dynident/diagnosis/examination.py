@@ -14,7 +14,7 @@ from typing import Any
 from dynident.case.case import Case
 from dynident.case.case_values import find_file
 from dynident.data.log_places import is_address
-from dynident.diagnosis.case_lines import with_case_line
+from dynident.diagnosis.case_lines import has_case_line, with_case_line
 from dynident.diagnosis.causes.pooled_logs import UNLIKE, AlikeLogs, alike_parts, pooled_logs, unlike_finding
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.checks import CHECKS, Check, CheckedLog
@@ -379,6 +379,7 @@ def _of_stage(checks: Sequence[Check], subject: CheckedLog, before: Sequence[Fin
         names = set(checks[k].tells)
         told[k] = () if names and names <= explained else checks[k].findings(subject)
     found = [finding for k in sorted(told) for finding in told[k]]
-    if subject.raw.table is None:  # arrays, whose owner has no case file
+    columns = subject.raw.columns_in(subject.case) if any(map(has_case_line, found)) else None
+    if columns is None:  # else arrays, whose owner has no case file
         return found
-    return [with_case_line(finding, subject.raw.columns, subject.case.robot, found) for finding in found]
+    return [with_case_line(finding, columns, subject.case.robot, found) for finding in found]

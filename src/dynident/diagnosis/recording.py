@@ -14,6 +14,7 @@ from dynident.data.formats.base import names_of, signals_of
 from dynident.data.log import Log, Source, torque_from_current
 from dynident.data.log_of_robot import off_lock
 from dynident.data.motor_side import joint_side, with_zero
+from dynident.errors import DynidentError
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,18 @@ class Recording:
         name = self.log.joints[joint]
         names = self.columns.stated().get(signal, ())
         return names[self.columns.joints.index(name)] if names else f"{signal} of {name}"
+
+    def columns_in(self, case: Case) -> ColumnMap | None:
+        """Return the map of its columns under a case, resolved; None where there is no case file, or no log file."""
+        if self.table is not None:
+            return self.columns
+        if not (case.path and self.log.source.path):
+            return None
+        try:
+            table = open_log(self.log.source.path, case.columns)
+            return case.columns.resolved(table.header, table.path, table.line)
+        except DynidentError:  # it was read before, and is gone
+            return None
 
     def kept(self, keep: BoolArray | IntArray, step: str) -> Recording:
         """Return some samples only; ``step`` says which in words."""

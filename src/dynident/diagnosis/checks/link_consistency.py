@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.diagnosis.causes.body_consistency import DRAWS, inconsistency
+from dynident.diagnosis.causes.trend_findings import is_grave
 from dynident.diagnosis.causes.trends import DELAY
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
@@ -18,7 +19,8 @@ from dynident.diagnosis.finding import Finding
 class LinkConsistency(Check):
     """Rise of the residual that links of positive mass density cost, against a parametric bootstrap.
 
-    A delay of the torque, and friction that the log is sure to have and the case has not, are taken off before.
+    A delay of the torque, friction that the log is sure to have and the case has not, and any cause that explains most
+    of the residual are taken off before.
     """
 
     stage: ClassVar[int] = 2
@@ -27,7 +29,7 @@ class LinkConsistency(Check):
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         found, trends = None if subject.fit is None else inconsistency(subject.fit), subject.trends
         if found is not None and trends is not None:  # these move the bodies as well
-            known = [blame for blame in trends.blames if blame.cause.name in ("friction curve", DELAY)]
+            known = [one for one in trends.blames if one.cause.name in ("friction curve", DELAY) or is_grave(one)]
             torques = [np.tensordot(blame.values, blame.cause.columns, 1) for blame in known]
             fit = trends.fit.explained_by(np.sum(torques, axis=0)) if known else trends.fit
             found = found if fit is subject.fit else inconsistency(fit)

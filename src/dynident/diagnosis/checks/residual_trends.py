@@ -20,7 +20,7 @@ from dynident.diagnosis.causes.trend_findings import (
     standing,
     trend_finding,
 )
-from dynident.diagnosis.causes.trends import DELAY
+from dynident.diagnosis.causes.trends import DELAY, ZERO
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import EXPLAINED, Finding
 
@@ -47,20 +47,25 @@ class ResidualTrends(Check):
             if blame.cause.name not in subject.described
             for told in [believed(blame, subject.trend_scale)]
             if told is not None
-            for finding in (_told(told, trends.fit), *rival_findings(told, trends.fit, subject.trend_scale))
+            for finding in (
+                _told(told, trends.fit, subject.earlier is None),
+                *rival_findings(told, trends.fit, subject.trend_scale),
+            )
         ]
 
 
-def _told(blame: Blame, fit: QuickFit) -> Finding:
-    """Return what is said of a cause: of a late torque, and of a lean of the base where it is sure.
+def _told(blame: Blame, fit: QuickFit, is_alone: bool) -> Finding:
+    """Return what is said of a cause: of a late torque, and of a lean of the base or a joint's zero where it is sure.
 
-    They are errors where the remedy predicts unseen samples. A lean is told so where no other cause explains the log as
-    well, and the angle is one from which a mounting is told.
+    They are errors where the remedy predicts unseen samples. A lean or a zero is told so where no other cause explains
+    the log as well, and the angle is one from which a mounting is told; not a zero where the log is held against an
+    estimate, which has the figure.
     """
     found, name = trend_finding(blame, fit), blame.cause.name
+    turns = any(one.name == blame.cause.joint and one.kind == "revolute" for one in fit.model.robot.active)
     if name == DELAY and is_narrow(blame) and blame.share > LATE_EXPLAINS:
         found, doubted = replace(found, severity="warning"), blame.share < EXPLAINED or blame.size < LATE_BY_FAR
-    elif name == "tilt" and found.severity == "warning":
+    elif found.severity == "warning" and (name == "tilt" or (name == ZERO and is_alone and turns)):
         least = np.linalg.norm(blame.values[:2]) - np.linalg.norm(blame.half_widths[:2])
         doubted = bool(blame.rivals) or least <= np.tan(np.radians(LEAN))
     else:

@@ -221,7 +221,10 @@ def _check_stated(joint: Joint, limit: JointLimits) -> None:
         raise BadOption(f"velocity of {joint.name}", limit.velocity, step)
     for name in ("acceleration", "jerk", "effort", "effort_rate"):
         if getattr(limit, name) == 0.0:
-            step = "state the limit in the robot model, above 0, or leave it out there: then it is not checked"
+            step = (
+                f"state it above 0, in the robot model or in a case file (limits: {{{name}: ...}}), or leave it out of "
+                "the robot model: then it is not checked"
+            )
             raise BadOption(f"{name} of {joint.name}", 0.0, step)
 
 
