@@ -252,9 +252,7 @@ def seeds_table(results: Sequence[tuple], part: str) -> str:
 def searches(results: Sequence[tuple]) -> dict[tuple[str, str], list[dict]]:
     """Return the results with curves by part and name of the colony: the published one and the one that converges."""
     groups = grouped(
-        results,
-        lambda task: task.settings is not None and task.name != "settings",
-        lambda task: (task.part, task.name),
+        results, lambda task: task.settings is not None and task.name != "settings", lambda task: (task.part, task.name)
     )
     groups = {key: [r for r in found if r["failure"] is None and "curve" in r] for key, found in groups.items()}
     return {key: found for key, found in sorted(groups.items()) if found}

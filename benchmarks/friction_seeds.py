@@ -64,9 +64,7 @@ BESIDE: Mapping[str, Virtual] = {
         cell=Cell(bristles=Bristles(5e-3, damping=0.0)),
     ),
     "damped-3": Virtual(
-        planar(),
-        (("coulomb", {"width": 0.01}, LEVELS), ("viscous", {}, SLOPES)),
-        cell=Cell(bristles=Bristles(5e-3)),
+        planar(), (("coulomb", {"width": 0.01}, LEVELS), ("viscous", {}, SLOPES)), cell=Cell(bristles=Bristles(5e-3))
     ),
 }
 

@@ -99,11 +99,7 @@ def sliding_arm() -> Robot:
         "joint2", "prismatic", 0, rotation_about(Y, 0.7), np.array([0.1, 0.2, 0.3]), np.array([1.0, 0.0, 1.0])
     )
     joints = [_revolute(1, [0, 0, 0.2]), slide, _revolute(3, [0.2, 0.1, 0], rotation_about(X, -1.1), Y)]
-    bodies = [
-        _body(4.0, [0.1, 0.05, 0.0], 0.15),
-        _body(3.0, [0.0, 0.1, 0.05], 0.12),
-        _body(1.5, [0.08, 0.0, 0.1], 0.1),
-    ]
+    bodies = [_body(4.0, [0.1, 0.05, 0.0], 0.15), _body(3.0, [0.0, 0.1, 0.05], 0.12), _body(1.5, [0.08, 0.0, 0.1], 0.1)]
     return _robot("sliding-arm", joints, bodies)
 
 

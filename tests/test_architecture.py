@@ -80,8 +80,7 @@ def test_the_data_flow_has_a_file_for_each_step() -> None:
 
 
 @pytest.mark.parametrize(
-    "figure",
-    ["class names that are defined twice", "functions with more than 8 parameters", "functions with **kwargs"],
+    "figure", ["class names that are defined twice", "functions with more than 8 parameters", "functions with **kwargs"]
 )
 def test_the_source_has_none_of(figure: str, figures: dict[str, Any]) -> None:
     assert figures[figure] == []

@@ -57,10 +57,7 @@ GOLDEN = [
         errors.BadArgument("q", "shape (6, 500) where (500, 6) is wanted", "write q.T"),
         "q: shape (6, 500) where (500, 6) is wanted; write q.T",
     ),
-    (
-        errors.BadOption("iterations", 0, "give 1 or more"),
-        "iterations = 0 is not possible; give 1 or more",
-    ),
+    (errors.BadOption("iterations", 0, "give 1 or more"), "iterations = 0 is not possible; give 1 or more"),
     (
         errors.PoorExcitation(8, 10, "undetermined: Izz[link2]", "move all joints"),
         "the log determines 8 of 10 base parameters (undetermined: Izz[link2]); move all joints",
@@ -85,10 +82,7 @@ GOLDEN = [
         errors.NotAccepted("run.csv", "torque sign (joint2): friction drives it", "negate the column"),
         "run.csv: torque sign (joint2): friction drives it; negate the column",
     ),
-    (
-        errors.EstimateFormatError("e.json", "format 2", "identify again"),
-        "e.json: format 2; identify again",
-    ),
+    (errors.EstimateFormatError("e.json", "format 2", "identify again"), "e.json: format 2; identify again"),
     (
         errors.TriangleFileError("all.tri", "format 2", "reduce the logs again"),
         "all.tri: format 2; reduce the logs again",

@@ -172,11 +172,7 @@ def without_fault(finding: Finding, twice: Sequence[tuple[Trial, Sequence[Findin
 
 
 def grade(
-    finding: Finding,
-    wanted: Wanted | None,
-    faulty: Trial,
-    clean: CleanLog,
-    own: complex | np.ndarray | None = None,
+    finding: Finding, wanted: Wanted | None, faulty: Trial, clean: CleanLog, own: complex | np.ndarray | None = None
 ) -> str:
     """Return how a finding on the faulty log states what it has to: ``exact``, ``wide`` or ``false``.
 

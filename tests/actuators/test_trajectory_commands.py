@@ -129,8 +129,7 @@ def test_the_states_of_a_gripper_may_share_the_topic(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("values", "told"),
-    [((), "has a point without position of joint1"), ((float("nan"),), "asks joint1 for no number")],
+    ("values", "told"), [((), "has a point without position of joint1"), ((float("nan"),), "asks joint1 for no number")]
 )
 def test_a_point_that_asks_for_no_position_is_refused(
     values: tuple[float, ...], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

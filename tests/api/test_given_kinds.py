@@ -27,21 +27,12 @@ MAPPING: Any = {"coulomb": {"width": 0.1}}
     ("call", "told"),
     [
         (lambda arm: di.DynamicModel(TEXT, ["coulomb"]), "robot: the text 'x.urdf' where a Robot is wanted"),
-        (
-            di.base_parameters,
-            "model: a Robot where a DynamicModel is wanted; write di.base_parameters",
-        ),
+        (di.base_parameters, "model: a Robot where a DynamicModel is wanted; write di.base_parameters"),
         (lambda arm: di.limits_of(TEXT), "where a Robot is wanted; write di.limits_of"),
         (di.design_excitation, "model: a Robot where a DynamicModel is wanted"),
         (lambda arm: di.excite(arm, limits=LIMITS), "limits: a dict where a MotionLimits is wanted"),
-        (
-            lambda arm: di.DynamicModel(arm, [PAIR]),
-            r"FRICTION.make\('coulomb', {'width': 0.02}\)",
-        ),
-        (
-            lambda arm: di.DynamicModel(arm, [MAPPING]),
-            r"FRICTION.make\('coulomb', {'width': 0.02}\)",
-        ),
+        (lambda arm: di.DynamicModel(arm, [PAIR]), r"FRICTION.make\('coulomb', {'width': 0.02}\)"),
+        (lambda arm: di.DynamicModel(arm, [MAPPING]), r"FRICTION.make\('coulomb', {'width': 0.02}\)"),
         (lambda arm: di.log_of({"time": 250, "q": Q}, arm), r"the number 250 .*np.arange\(len\(q\)\) / 250$"),
     ],
 )

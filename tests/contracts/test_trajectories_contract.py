@@ -12,13 +12,7 @@ from hypothesis import strategies as st
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.excitation.design.parametrisation import (
-    Parametrisation,
-    designable,
-    kind_of,
-    kinds,
-    parametrise,
-)
+from dynident.excitation.design.parametrisation import Parametrisation, designable, kind_of, kinds, parametrise
 from dynident.excitation.trajectories import TRAJECTORIES, Trajectory
 from dynident.excitation.trajectories.base import Designable
 from dynident.excitation.trajectories.quintic import Quintic

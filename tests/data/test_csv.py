@@ -14,15 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.applications.monitor.live_rows import live_rows
-from dynident.data.formats import (
-    ColumnMap,
-    Units,
-    _text_table,
-    read_header,
-    read_log,
-    write_log,
-    written_columns,
-)
+from dynident.data.formats import ColumnMap, Units, _text_table, read_header, read_log, write_log, written_columns
 from dynident.data.formats._text_table import open_table
 from dynident.data.formats.csv import Csv
 from dynident.data.log import Log
@@ -132,13 +124,7 @@ def test_of_torques_and_currents_the_torques_are_the_default_and_the_map_decides
 
 def test_units_are_converted_as_declared(tmp_path):
     path = saved(tmp_path, table("stamp,a,x,va,vx,ta,tx,ia,ix,temp_a,temp_x"))
-    units = Units(
-        time="ms",
-        position=("deg", "mm"),
-        velocity=("deg/s", "mm/s"),
-        torque=("mN m", "N"),
-        current="mA",
-    )
+    units = Units(time="ms", position=("deg", "mm"), velocity=("deg/s", "mm/s"), torque=("mN m", "N"), current="mA")
     columns = ColumnMap(
         joints=("arm", "slide"),
         time="stamp",
@@ -190,28 +176,16 @@ FAULTS = [
         table("t,q1,q2,tau_a,tau2"),
         "1: no column 'tau1'; the header has t, q1, q2, tau_a, tau2; " + MAPPED + "; did you mean 'tau_a'?",
     ),
-    (
-        table("time,q1,tau1"),
-        "1: no column 't'; the header has time, q1, tau1; " + MAPPED,
-    ),
-    (
-        table("t,pos,effort"),
-        "1: no column 'q1'; the header has t, pos, effort; " + MAPPED,
-    ),
-    (
-        table("t,q1,q3,tau1,tau2"),
-        "1: no column 'q2'; the header has t, q1, q3, tau1, tau2; " + MAPPED,
-    ),
+    (table("time,q1,tau1"), "1: no column 't'; the header has time, q1, tau1; " + MAPPED),
+    (table("t,pos,effort"), "1: no column 'q1'; the header has t, pos, effort; " + MAPPED),
+    (table("t,q1,q3,tau1,tau2"), "1: no column 'q2'; the header has t, q1, q3, tau1, tau2; " + MAPPED),
     (
         table("t,q1,tau1,tau2"),
         "1: a column 'tau2' where the number of joints is 1; "
         "name the columns of these joints with columns: in the case file",
     ),
     (table("t,q1,q1,tau1,tau2"), "1: 2 columns are called 'q1'; give each column a name of its own"),
-    (
-        edited(4, "0.02,1,x2,3,4"),
-        "4: column 'q2' holds 'x2', which is not a number; correct the cell",
-    ),
+    (edited(4, "0.02,1,x2,3,4"), "4: column 'q2' holds 'x2', which is not a number; correct the cell"),
     (
         edited(4, "0.02,1,,3,4"),
         "4: column 'q2' holds no number (blank or nan); repair the recording or leave these rows out" + FIX,
@@ -255,10 +229,7 @@ FAULTS = [
         "2: numbers where the names of the columns should stand; if the comment '# t q1 tau1' is the header, "
         "remove its '#'",
     ),
-    (
-        edited(6, "0.025,1,2,3,4"),
-        f"6: time in column 't' runs back: 0.03 s, then 0.025 s; {BACK}",
-    ),
+    (edited(6, "0.025,1,2,3,4"), f"6: time in column 't' runs back: 0.03 s, then 0.025 s; {BACK}"),
     (
         [*edited(6, "0.03,1,2,3,4"), "", "0.11,1,2,3,4"],
         f"6: time in column 't' repeats: 0.03 s, then 0.03 s (2 such rows); {AGAIN}",
@@ -284,10 +255,7 @@ def test_every_fault_names_line_and_column(tmp_path, lines, message):
         (b"t,q1\n0,\0\n", ":2: a binary file, not text; give a text file, or name its format"),
         (b"t,q1,tau1\n0,1,1\n1,\xb0,1\n", ":3: column 'q1' holds '°', which is not a number; correct the cell"),
         (b"t,q1,tau1\n0,1,1\n1,1,\xc2", ":3: column 'tau1' holds 'Â', which is not a number; correct the cell"),
-        (
-            b"t,q\x1b[31m\n" + b"0,1\n" * 12,
-            ":1: no column 'q1'; the header has t, q\\x1b[31m; " + MAPPED,
-        ),
+        (b"t,q\x1b[31m\n" + b"0,1\n" * 12, ":1: no column 'q1'; the header has t, q\\x1b[31m; " + MAPPED),
         ("t,q1\n0,1\n".encode("utf-16"), ":1: UTF-16 text, not UTF-8; save it as CSV UTF-8"),
         (b"t" + b"," * 5000 + b"\n", ":1: 5001 columns; at most 4096 are read"),
         (b"t" * (1 << 20) + b"\n", ":1: a line of more than 1048576 characters; is it a table?"),

@@ -319,11 +319,7 @@ def test_options_that_cannot_be(make, message):
 @pytest.mark.parametrize(
     ("part", "log", "message"),
     [
-        (
-            FivePoint(),
-            log_of(np.zeros(4)),
-            "simulated log: 4 samples; five-point smoothing takes at least 5 samples",
-        ),
+        (FivePoint(), log_of(np.zeros(4)), "simulated log: 4 samples; five-point smoothing takes at least 5 samples"),
         (
             Butterworth(5.0, positions_hz=120.0),
             log_of(np.zeros(4000)),
@@ -375,10 +371,7 @@ def test_logs_that_a_filter_cannot_take(part, log, message):
 @pytest.mark.parametrize(
     ("time", "message"),
     [
-        (
-            np.arange(9) / 100,
-            "simulated log: only 9 samples; an identification needs seconds of motion",
-        ),
+        (np.arange(9) / 100, "simulated log: only 9 samples; an identification needs seconds of motion"),
         (
             np.r_[np.arange(10) / 100, 0.05],
             "simulated log: time does not run forward at sample 11 (0.09 to 0.05 s); "

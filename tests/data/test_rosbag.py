@@ -122,8 +122,7 @@ def check(log: Log) -> None:
 
 
 @pytest.mark.parametrize(
-    "how",
-    ["bag", "db3", "mcap", "packed mcap", "folder (sqlite3)", "folder (mcap)", "folder without metadata (mcap)"],
+    "how", ["bag", "db3", "mcap", "packed mcap", "folder (sqlite3)", "folder (mcap)", "folder without metadata (mcap)"]
 )
 def test_joint_states_are_read_by_the_names_of_the_joints(tmp_path: Path, how: str) -> None:
     path = written(tmp_path, how)

@@ -50,10 +50,7 @@ def tilted(trial: Trial) -> Trial:
 
 @pytest.mark.parametrize(
     ("name", "fault", "wanted", "near"),
-    [
-        ("time scale", lambda trial: put.timed(trial, 1.1), 1.1, 2.5e-3),
-        ("tilt", tilted, [0.0, 0.0, -9.81], 3e-3),
-    ],
+    [("time scale", lambda trial: put.timed(trial, 1.1), 1.1, 2.5e-3), ("tilt", tilted, [0.0, 0.0, -9.81], 3e-3)],
 )
 def test_figures_hold_far_from_where_their_columns_are_straight_lines(
     name: str, fault: Callable[[Trial], Trial], wanted: float | list[float], near: float, tmp_path: Path

@@ -48,12 +48,7 @@ LINK = """<robot name="one"><link name="base"/><link name="link"><inertial><orig
 
 
 def one_joint(
-    kind: str,
-    folder: Path,
-    signs: tuple[float, float],
-    mass: float = 4.0,
-    position: str = "SI",
-    drag: float = 4.0,
+    kind: str, folder: Path, signs: tuple[float, float], mass: float = 4.0, position: str = "SI", drag: float = 4.0
 ) -> Path:
     """Write a log of one pendulum or lift of 4 kg, position and torque times their signs; return its case."""
     t = np.arange(0.0, 20.0, 0.01)

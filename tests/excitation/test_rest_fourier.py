@@ -42,8 +42,7 @@ def test_it_is_the_plain_series_of_the_same_numbers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sine", "cosine", "what"),
-    [([1.0, 0.0], [0.0, 0.0], "velocity"), ([0.0, 0.0], [4.0, 1.0], "acceleration")],
+    ("sine", "cosine", "what"), [([1.0, 0.0], [0.0, 0.0], "velocity"), ([0.0, 0.0], [4.0, 1.0], "acceleration")]
 )
 def test_a_series_that_does_not_start_at_rest_is_refused(sine: list[float], cosine: list[float], what: str) -> None:
     with pytest.raises(BadOption, match=f"joint 2.*the {what} at the start is not zero"):

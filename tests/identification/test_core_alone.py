@@ -15,15 +15,7 @@ SOURCE = Path(dynident.__file__).parent
 
 #: The wings of the core, and the ground that they stand on.
 CORE = ("model", "data", "identification")
-GROUND = (
-    "workers",
-    "plugins.py",
-    "methods.py",
-    "files.py",
-    "file_versions.py",
-    "errors.py",
-    "arrays.py",
-)
+GROUND = ("workers", "plugins.py", "methods.py", "files.py", "file_versions.py", "errors.py", "arrays.py")
 
 #: The room of identification that simulates, and is no part of the core.
 SIMULATED = SOURCE / "identification" / "simulated"

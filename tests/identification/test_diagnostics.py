@@ -22,11 +22,7 @@ from dynident.identification.identify import identify
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.identification.uncertainty.diagnostics import DECIDES, constancy_of, diagnose, whiteness_of
-from dynident.identification.uncertainty.propagation import (
-    mass_matrix,
-    prediction_deviations,
-    standard_covariance,
-)
+from dynident.identification.uncertainty.propagation import mass_matrix, prediction_deviations, standard_covariance
 from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.identification.validate import validate
 from dynident.model.friction import Motion

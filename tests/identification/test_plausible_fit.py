@@ -17,11 +17,7 @@ from dynident.errors import BadOption, ContradictoryConstraints
 from dynident.identification.build_problem import build_problem
 from dynident.identification.consistency.conditions import conditions_of
 from dynident.identification.consistency.consistent_fit import scale_of
-from dynident.identification.consistency.plausible_fit import (
-    fitting_bodies,
-    nominal_bodies,
-    plausible_fit,
-)
+from dynident.identification.consistency.plausible_fit import fitting_bodies, nominal_bodies, plausible_fit
 from dynident.identification.estimate.plausibility import TOTAL_MASS, Plausibility
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.estimators.wls import WLS

@@ -99,13 +99,7 @@ def test_coupled_motors_by_hand(coupled_arm: Robot) -> None:
     theta = np.concatenate([np.zeros(30), np.column_stack([coulomb, viscous, rotor]).ravel()])
     speed3, acceleration3 = 0.7 * -0.8 + 0.1, 0.7 * 2.0 - 3.0
     motor3 = 3.0 * np.sign(speed3) + 0.3 * speed3 + 0.03 * acceleration3
-    expected = np.array(
-        [
-            1.0 * 1 + 0.1 * 0.5 + 0.01 * 1.0,
-            2.0 * -1 + 0.2 * -0.8 + 0.02 * 2.0 + 0.7 * motor3,
-            motor3,
-        ]
-    )
+    expected = np.array([1.0 * 1 + 0.1 * 0.5 + 0.01 * 1.0, 2.0 * -1 + 0.2 * -0.8 + 0.02 * 2.0 + 0.7 * motor3, motor3])
     known = model.known_torque(motion)[0]
     np.testing.assert_allclose(model.torque(motion, theta)[0] - known, expected, atol=1e-12)
     np.testing.assert_allclose((model.regressor(motion) @ theta)[0], expected, atol=1e-12)

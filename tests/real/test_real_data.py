@@ -90,11 +90,7 @@ def test_ur10e_from_currents_on_two_held_out_runs(
     ("train", "test", "bound"), [((2, 3), 1, 0.026), ((1, 3), 2, 0.0246), ((1, 2), 3, 0.049)], ids=["1", "2", "3"]
 )
 def test_lwr4_from_two_runs_to_the_third(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    train: tuple[int, ...],
-    test: int,
-    bound: float,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], train: tuple[int, ...], test: int, bound: float
 ) -> None:
     """The last one is twice as fast as both it learns from."""
     files = [str(DATA / FOLDERS["lwr4"] / f"measurements_{k}.csv") for k in (*train, test)]

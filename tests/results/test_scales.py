@@ -7,15 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynident.results.figures.scales import (
-    Linear,
-    LogScale,
-    finite_range,
-    round_step,
-    upright,
-    upright_log,
-    write_tick,
-)
+from dynident.results.figures.scales import Linear, LogScale, finite_range, round_step, upright, upright_log, write_tick
 
 sizes = st.floats(1e-7, 1e7)
 centres = st.floats(-1e3, 1e3)

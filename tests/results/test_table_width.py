@@ -72,8 +72,7 @@ def test_a_wide_terminal_shows_the_table_as_a_pipe_does(monkeypatch: pytest.Monk
 
 @given(
     cells=st.lists(
-        st.tuples(st.text("abc_ ", max_size=30), st.integers(-(10**9), 10**9), st.text("xy z", max_size=40)),
-        max_size=4,
+        st.tuples(st.text("abc_ ", max_size=30), st.integers(-(10**9), 10**9), st.text("xy z", max_size=40)), max_size=4
     ),
     width=st.integers(10, 200),
 )

@@ -182,11 +182,7 @@ def test_names_of_tendons_are_checked(tmp_path: Path) -> None:
         (coupled("a 1, a 2"), "the tendon has joint 'a' twice; write the sum of both coef once"),
         (copied, "no <replicate> copies all that it runs over"),
         (
-            arm(
-                HAND,
-                '<compiler autolimits="false"/>',
-                '<actuator><motor joint="a" forcerange="-1 1"/></actuator>',
-            ),
+            arm(HAND, '<compiler autolimits="false"/>', '<actuator><motor joint="a" forcerange="-1 1"/></actuator>'),
             "forcerange without forcelimited where autolimits is false",
         ),
         (

@@ -77,8 +77,7 @@ FILES = {
         '<body name="c"', '<body name="empty" pos=".1 .2 .3"/><body name="c"'
     ),
     "an empty body in a frame with bounds": two(head='<compiler boundmass=".3"/>').replace(
-        '<body name="c"',
-        '<frame pos="1 0 0" euler="0 0 90"><body name="empty" pos=".1 .2 .3"/></frame><body name="c"',
+        '<body name="c"', '<frame pos="1 0 0" euler="0 0 90"><body name="empty" pos=".1 .2 .3"/></frame><body name="c"'
     ),
     "a chain of followers with references": two(one='ref="10"', two='ref="-20"', three='ref="5"', tail=CHAIN),
     "equalities that a class turns off": two(

@@ -109,11 +109,7 @@ GIVE = "or a robot that dynident has written; validate, predict, report and expo
 FAULTS: dict[str, tuple[list[str | int], Any, str]] = {
     "schema": (["schema"], "other", "schema is 'other', not 'dynident-robot'; give a case, " + GIVE),
     "no schema": (["schema"], MISSING, "it states no schema; give a case, " + GIVE),
-    "version": (
-        ["version"],
-        99,
-        "a robot of version 99; this dynident reads versions up to 1; update dynident",
-    ),
+    "version": (["version"], 99, "a robot of version 99; this dynident reads versions up to 1; update dynident"),
     "unknown key": (
         ["gravty"],
         1,

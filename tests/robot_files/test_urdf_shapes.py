@@ -157,10 +157,7 @@ def test_a_mesh_is_kept_by_name() -> None:
 
 FAULTS = {
     "no size": ("<box/>", "<box> has no attribute 'size'; write <box size=\"...\">"),
-    "two edges": (
-        '<box size="1 2"/>',
-        "box size '1 2' is not 3 numbers; write 3 numbers with spaces between them",
-    ),
+    "two edges": ('<box size="1 2"/>', "box size '1 2' is not 3 numbers; write 3 numbers with spaces between them"),
     "no number": ('<box size="1 2 x"/>', "box size 'x' is not a number; write one plain number, without a unit"),
     "flat box": ('<box size="1 0 1"/>', "box size '1 0 1' has an edge that is not above 0; write three lengths in m"),
     "no radius": ("<sphere/>", "<sphere> has no attribute 'radius'; write <sphere radius=\"...\">"),

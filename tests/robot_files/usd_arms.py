@@ -163,10 +163,9 @@ def pinocchio_of(arm: Arm, gravity: Array) -> tuple[Any, list[str]]:
             where[child] = (carrier, start * end)
         else:
             axis = np.eye(3)["XYZ".index(hinge.axis)] * (1.0 if near == 0 else -1.0)
-            unaligned = {
-                "revolute": pin.JointModelRevoluteUnaligned,
-                "prismatic": pin.JointModelPrismaticUnaligned,
-            }[hinge.kind]
+            unaligned = {"revolute": pin.JointModelRevoluteUnaligned, "prismatic": pin.JointModelPrismaticUnaligned}[
+                hinge.kind
+            ]
             joint = model.addJoint(carrier, unaligned(axis), start, f"joint{number}")
             names.append(f"joint{number}")
             where[child] = (joint, end)

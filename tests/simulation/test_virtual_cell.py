@@ -22,17 +22,7 @@ from dynident.robot_files import read_robot
 from dynident.simulation.cell import Cell
 from dynident.simulation.cell_simulation import simulate_cell
 from dynident.simulation.controllers import CONTROLLERS
-from dynident.simulation.effects import (
-    Bristles,
-    Effort,
-    Elasticity,
-    Encoder,
-    Payload,
-    Recorder,
-    Ripple,
-    Tilt,
-    Warming,
-)
+from dynident.simulation.effects import Bristles, Effort, Elasticity, Encoder, Payload, Recorder, Ripple, Tilt, Warming
 from dynident.simulation.truth import Truth
 
 #: A controller that leaves the joints alone.

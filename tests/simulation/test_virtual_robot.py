@@ -334,10 +334,7 @@ def refused(change):
             {"noise": Noise(resolution=np.nan)},
             "encoder.resolution = (nan,) is not possible; give finite numbers, 0 or more",
         ),
-        (
-            {"gains": {"shoulder": 1.0}},
-            "gains['elbow'] is not given; give each joint's drive gain in N m/A, not 0",
-        ),
+        ({"gains": {"shoulder": 1.0}}, "gains['elbow'] is not given; give each joint's drive gain in N m/A, not 0"),
         (
             {"gains": {"sholder": 1.0}},
             "no joint called 'sholder'; choose one of: shoulder, elbow; did you mean 'shoulder'?",

@@ -29,10 +29,7 @@ from one_joint_arm import URDF, write_run
 
 from short_benchmark import benchmark_text
 
-pytestmark = [
-    pytest.mark.battery,
-    pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX"),
-]
+pytestmark = [pytest.mark.battery, pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")]
 
 KILLS, INTERRUPTS = 6, 4
 CASE = """case: 1

@@ -14,10 +14,7 @@ import pytest
 
 from short_benchmark import benchmark_text
 
-pytestmark = [
-    pytest.mark.battery,
-    pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX"),
-]
+pytestmark = [pytest.mark.battery, pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")]
 
 CASE = """case: 1
 robot: generic-scara

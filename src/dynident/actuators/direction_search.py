@@ -9,16 +9,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from dynident.actuators.directions import (
-    AXIS,
-    NEARLY,
-    Directions,
-    LogTorques,
-    Turned,
-    compared,
-    likeliest,
-    runs_away,
-)
+from dynident.actuators.directions import AXIS, NEARLY, Directions, LogTorques, Turned, compared, likeliest, runs_away
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.torque_rows import COMMAND, ODDS, ZERO
 from dynident.arrays import BoolArray

@@ -19,14 +19,7 @@ from dynident.actuators.linear_start import (
     refinable,
     start_at,
 )
-from dynident.actuators.output_error import (
-    RefineEffort,
-    ServoProblem,
-    log_errors,
-    output_error,
-    refined,
-    starts_from,
-)
+from dynident.actuators.output_error import RefineEffort, ServoProblem, log_errors, output_error, refined, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import (
     ROUGH_STEP,

@@ -10,14 +10,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from dynident.actuators.drive_law import DriveLaw
-from dynident.actuators.joint_load import (
-    CUTOFF_HZ,
-    MeasuredMotion,
-    between,
-    carrying,
-    measured_motion,
-    rigid_inertia,
-)
+from dynident.actuators.joint_load import CUTOFF_HZ, MeasuredMotion, between, carrying, measured_motion, rigid_inertia
 from dynident.actuators.linear_start import OFF_S, REST, SLEWS, limited_goal
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray
@@ -147,12 +140,7 @@ def joint_rows(
     weight = [np.ones(len(q)), np.sin(q), np.cos(q)] if has_weight else []
     always = np.array([*weight, *(-one for one in weight), -dq, -np.tanh(dq / rest), -motion.ddq[:, joint]])
     cutoff = min(CUTOFF_HZ, 0.2 / float(np.median(np.diff(log.time))))
-    return TorqueRows(
-        motion.filtered(always.T)[moves],
-        drive,
-        moves,
-        2.0 * cutoff * step * float(moves.sum()),
-    )
+    return TorqueRows(motion.filtered(always.T)[moves], drive, moves, 2.0 * cutoff * step * float(moves.sum()))
 
 
 def limited_throughout(robot: Robot, laws: Sequence[DriveLaw], logs: Sequence[ServoLog]) -> list[int]:

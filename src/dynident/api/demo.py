@@ -49,11 +49,7 @@ class Demo:
 
 
 def run_demo(
-    folder: str | Path,
-    command: str = "",
-    progress: Callable[[str], None] = lambda step: None,
-    *,
-    virtual: bool = False,
+    folder: str | Path, command: str = "", progress: Callable[[str], None] = lambda step: None, *, virtual: bool = False
 ) -> Demo:
     """Draft a case, identify, validate, report and export, and leave all files in a folder.
 

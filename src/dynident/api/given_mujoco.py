@@ -16,15 +16,7 @@ from dynident.model.robot import Frame, Robot
 from dynident.robot_files.leaders import carried_by_leaders, led_by_drives
 from dynident.robot_files.mjcf.bodies import FLOATING
 from dynident.robot_files.rotations import rotation_from_quaternion
-from dynident.robot_files.tree import (
-    Connection,
-    assemble,
-    between_joints,
-    numbered,
-    ring,
-    tied_by_lengths,
-    with_held,
-)
+from dynident.robot_files.tree import Connection, assemble, between_joints, numbered, ring, tied_by_lengths, with_held
 
 #: Types of joints and of equality constraints of MuJoCo (mjtJoint, mjtEq).
 _FREE, _SLIDE, _HINGE = 0, 2, 3

@@ -125,10 +125,7 @@ def _truth(section: Section) -> Truth:
     return guarded(
         inner.place(),
         lambda: Truth(
-            inner.text("parameters", "nominal"),
-            inner.number("spread", 0.0),
-            friction,
-            inner.text("believed", "truth"),
+            inner.text("parameters", "nominal"), inner.number("spread", 0.0), friction, inner.text("believed", "truth")
         ),
     )
 

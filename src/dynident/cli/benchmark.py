@@ -28,15 +28,7 @@ if TYPE_CHECKING:
 SUMMARY = "estimators where the truth is known, or on every real set"
 
 #: Options in the short help.
-FREQUENT = (
-    "--real",
-    "--quick",
-    "--methods",
-    "--out",
-    "--jobs",
-    "--html",
-    "--json",
-)
+FREQUENT = ("--real", "--quick", "--methods", "--out", "--jobs", "--html", "--json")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -28,15 +28,7 @@ if TYPE_CHECKING:
 SUMMARY = "many estimators on one problem, by their error on unseen logs"
 
 #: Options in the short help.
-FREQUENT = (
-    "--test",
-    "--estimators",
-    "--split",
-    "--time-limit",
-    "--jobs",
-    "--report",
-    "--json",
-)
+FREQUENT = ("--test", "--estimators", "--split", "--time-limit", "--jobs", "--report", "--json")
 
 #: Held-out error of a stated truth over that of the best method from which it is not what made the logs.
 NOT_THE_TRUTH = 1.5

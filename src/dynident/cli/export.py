@@ -42,16 +42,7 @@ if TYPE_CHECKING:
 SUMMARY = "a plan for a controller, or a model for other programs"
 
 #: Options in the short help.
-FREQUENT = (
-    "-o",
-    "--option",
-    "--speed",
-    "--from-posture",
-    "--description",
-    "--prove",
-    "--check",
-    "--json",
-)
+FREQUENT = ("-o", "--option", "--speed", "--from-posture", "--description", "--prove", "--check", "--json")
 
 #: Options of one kind of file, by destination, with the value that stands for one that is not given.
 _PLAN_ONLY = {"rate": None, "repeats": None, "speed": None, "from_posture": None, "units": None}
@@ -82,9 +73,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     motion.add_argument("--repeats", type=int, metavar="N", help="periods (1)")
     motion.add_argument("--speed", type=float, metavar="PERCENT", help="10 to 100 per cent of the designed speed (100)")
     motion.add_argument(
-        "--from-posture",
-        metavar="Q1,Q2,..",
-        help="where the robot stands, or 'start': at the first posture",
+        "--from-posture", metavar="Q1,Q2,..", help="where the robot stands, or 'start': at the first posture"
     )
     motion.add_argument("--units", choices=("rad", "deg"), help="of turning joints in --from-posture (rad); others: m")
     model = parser.add_argument_group("a model")

@@ -30,14 +30,7 @@ if TYPE_CHECKING:
 SUMMARY = "drive gains from motor currents"
 
 #: Options in the short help.
-FREQUENT = (
-    "--load",
-    "--mass",
-    "--com",
-    "--prior-share",
-    "-o",
-    "--json",
-)
+FREQUENT = ("--load", "--mass", "--com", "--prior-share", "-o", "--json")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

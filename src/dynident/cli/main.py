@@ -73,23 +73,13 @@ def build_parser(only: str | None = None, short: bool = False) -> argparse.Argum
     """
     from importlib.metadata import version
 
-    parser = OneLineParser(
-        prog="dynident",
-        description=_DESCRIPTION,
-        formatter_class=HelpText,
-        epilog=_EPILOG,
-    )
+    parser = OneLineParser(prog="dynident", description=_DESCRIPTION, formatter_class=HelpText, epilog=_EPILOG)
     parser.add_argument("--version", action="version", version=f"dynident {version('dynident')}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name in COMMANDS if only is None else (only,):
         module = module_of(name)
-        own = commands.add_parser(
-            name,
-            help=module.SUMMARY,
-            description=module.__doc__,
-            formatter_class=HelpText,
-        )
+        own = commands.add_parser(name, help=module.SUMMARY, description=module.__doc__, formatter_class=HelpText)
         own.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         module.configure(own)
         if short and hasattr(module, "FREQUENT"):

@@ -24,12 +24,7 @@ if TYPE_CHECKING:
 SUMMARY = "mass, centre of mass and inertia of a load from a run with it"
 
 #: Options in the short help.
-FREQUENT = (
-    "--mass",
-    "--flange",
-    "--rows",
-    "--json",
-)
+FREQUENT = ("--mass", "--flange", "--rows", "--json")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

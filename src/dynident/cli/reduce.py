@@ -29,13 +29,7 @@ if TYPE_CHECKING:
 SUMMARY = "compress logs larger than memory to QR factors for identify"
 
 #: Options in the short help.
-FREQUENT = (
-    "--split",
-    "--jobs",
-    "--skip-bad",
-    "-o",
-    "--json",
-)
+FREQUENT = ("--split", "--jobs", "--skip-bad", "-o", "--json")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -32,14 +32,7 @@ if TYPE_CHECKING:
 SUMMARY = "rehearse a run on a virtual robot: what would be found"
 
 #: Options in the short help.
-FREQUENT = (
-    "--plan",
-    "--noise",
-    "--truth",
-    "--seed",
-    "--tolerance",
-    "--json",
-)
+FREQUENT = ("--plan", "--noise", "--truth", "--seed", "--tolerance", "--json")
 
 #: Words for what stands behind the virtual robot.
 _NOMINAL, _RANDOM = "nominal", "random"

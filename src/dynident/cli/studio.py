@@ -23,13 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--work", metavar="DIR", help="work on the files of this folder, and keep results there")
     parser.add_argument("--port", type=int, default=0, metavar="N", help="port on 127.0.0.1 (default: a free one)")
     parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
-    parser.add_argument(
-        "--max-upload",
-        type=float,
-        default=1024.0,
-        metavar="MB",
-        help="largest upload (1024)",
-    )
+    parser.add_argument("--max-upload", type=float, default=1024.0, metavar="MB", help="largest upload (1024)")
     parser.add_argument("--quiet", action="store_true", help="print the address, no remarks")
 
 

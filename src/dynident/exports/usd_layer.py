@@ -21,14 +21,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.robot_files import read_robot
-from dynident.robot_files.usd_parts import (
-    WHOLE_INERTIA,
-    StageBody,
-    StageUnits,
-    open_stage,
-    pxr_module,
-    whole_inertia,
-)
+from dynident.robot_files.usd_parts import WHOLE_INERTIA, StageBody, StageUnits, open_stage, pxr_module, whole_inertia
 from dynident.robot_files.usd_stage import read_stage
 
 #: Largest difference of torques as a share of the largest of the joint: the schema holds single precision.

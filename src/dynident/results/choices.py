@@ -207,11 +207,7 @@ def _fields(found: Sequence[FieldEstimate]) -> Table:
         Column("to", numeric=True),
     )
     rows = tuple(
-        (
-            *_field(each),
-            *(format_number(value, 3) for value in (each.value, each.low, each.high)),
-        )
-        for each in found
+        (*_field(each), *(format_number(value, 3) for value in (each.value, each.low, each.high))) for each in found
     )
     at_end = [" ".join(_field(each)[::2]) for each in found if each.end]
     note = f"At an end of the range that is looked at, beyond which the data may ask for more: {', '.join(at_end)}."

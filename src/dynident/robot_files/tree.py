@@ -259,8 +259,7 @@ def _root(path: object, bodies: Iterable[str], connections: Sequence[Connection]
     if len(roots) > 1:
         names = ", ".join(shown(name) for name in roots[:5]) + (", ..." if len(roots) > 5 else "")
         raise Place(path).error(
-            f"{len(roots)} links have no parent joint: {names}",
-            "connect all but one with a joint, or remove them",
+            f"{len(roots)} links have no parent joint: {names}", "connect all but one with a joint, or remove them"
         )
     return roots[0]
 

@@ -12,17 +12,7 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.errors import BadOption
 from dynident.simulation.controllers import CONTROLLERS, Controller
-from dynident.simulation.effects import (
-    Bristles,
-    Effort,
-    Elasticity,
-    Encoder,
-    Payload,
-    Recorder,
-    Ripple,
-    Tilt,
-    Warming,
-)
+from dynident.simulation.effects import Bristles, Effort, Elasticity, Encoder, Payload, Recorder, Ripple, Tilt, Warming
 
 
 @dataclass(frozen=True)

@@ -39,10 +39,7 @@ def torques_of(estimate: Estimate, data: Validation) -> dict[str, Any]:
         for k, fit in enumerate(data.joints)
     ]
     names = list(estimate.model.robot.joint_names)
-    return {
-        "torques": joints,
-        "motion": {"joints": names, "time": time.tolist(), "q": data.q.tolist(), "still": {}},
-    }
+    return {"torques": joints, "motion": {"joints": names, "time": time.tolist(), "q": data.q.tolist(), "still": {}}}
 
 
 def torques_on_test_data(folder: Folder, name: str) -> dict[str, Any]:

@@ -13,11 +13,7 @@ from dynident.errors import BadOption, LogMismatch, SolverFailed, UnknownChoice
 from dynident.model.joint import Drive
 from dynident.model.robot import Robot
 
-KNOWN = {
-    "mass": CarriedBody(MASS),
-    "centre": CarriedBody(MASS, CENTRE),
-    "inertia": CarriedBody(MASS, CENTRE, BODY),
-}
+KNOWN = {"mass": CarriedBody(MASS), "centre": CarriedBody(MASS, CENTRE), "inertia": CarriedBody(MASS, CENTRE, BODY)}
 
 
 def found(arm: LoadedArm, payload: CarriedBody, noise: float = 0.0, seed: int = 0, **options: object) -> DriveGains:

@@ -229,8 +229,7 @@ def test_what_needs_all_rows_is_refused_in_words(case: Case, make: Callable[...,
     with pytest.raises(LogMismatch, match="friction: auto needs all samples"):
         reduce_logs(replace(case, choose_friction=True).stream_setup(), [log])
     with pytest.raises(
-        LogMismatch,
-        match=r"auto needs all samples .*several passes; find it on a part .*; take load out of ",
+        LogMismatch, match=r"auto needs all samples .*several passes; find it on a part .*; take load out of "
     ):
         both = replace(case, friction=("coulomb", "load"), choose_friction=True)  # type: ignore[arg-type]
         reduce_logs(both.stream_setup(), [log])

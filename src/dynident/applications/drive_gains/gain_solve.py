@@ -10,14 +10,7 @@ import numpy as np
 from dynident.applications.drive_gains.drive_gains import DriveGains
 from dynident.applications.drive_gains.drive_rows import DriveRows
 from dynident.applications.drive_gains.gain_data import GainData, group_squares
-from dynident.applications.drive_gains.gravity import (
-    FOUND,
-    STEPS,
-    UPRIGHT,
-    pulls,
-    under,
-    with_lean,
-)
+from dynident.applications.drive_gains.gravity import FOUND, STEPS, UPRIGHT, pulls, under, with_lean
 from dynident.applications.drive_gains.intervals import spread_of
 from dynident.applications.drive_gains.methods import GainFit, fit_gains
 from dynident.applications.drive_gains.unknowns import Unknowns

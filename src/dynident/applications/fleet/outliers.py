@@ -17,13 +17,7 @@ import numpy as np
 import scipy.special
 import scipy.stats
 
-from dynident.applications.fleet.population import (
-    Member,
-    Population,
-    expected_squares,
-    population_of,
-    population_with,
-)
+from dynident.applications.fleet.population import Member, Population, expected_squares, population_of, population_with
 from dynident.arrays import Array
 
 #: Fewest robots of which one can be told to be out.

@@ -311,11 +311,7 @@ def _since(state: MonitorState, time: float) -> float:
 
 
 def _followed(
-    observer: MomentumObserver,
-    state: MonitorState,
-    since: float,
-    here: tuple[Array, Array],
-    now: tuple[Array, Array],
+    observer: MomentumObserver, state: MonitorState, since: float, here: tuple[Array, Array], now: tuple[Array, Array]
 ) -> tuple[Array, Array, Array]:
     """Return residual, its variance without contact and how much of it static friction can be, shape (n,) each.
 

@@ -7,15 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from dynident.case.draft.column_words import (
-    OTHER,
-    Meaning,
-    container_of,
-    meaning_of,
-    split_unit,
-    tokens_of,
-    words_of,
-)
+from dynident.case.draft.column_words import OTHER, Meaning, container_of, meaning_of, split_unit, tokens_of, words_of
 from dynident.model.robot import Robot
 
 #: Numbers in one name that may be that of the joint; a name with more is no joint's.

@@ -288,7 +288,4 @@ def _side(found: Recognised) -> list[str]:
         return [side]
     count = len(found.sources["q"].columns)
     zero = f"  # zero: [{', '.join(['0'] * count)}]"
-    return [
-        side,
-        offered(zero, "at which position, in rad or m, does each joint stand where its motor says 0?"),
-    ]
+    return [side, offered(zero, "at which position, in rad or m, does each joint stand where its motor says 0?")]

@@ -265,11 +265,7 @@ def pose(
             x, y, z = rotate(world, parent, work[i, k], work[i, 3 + k], work[i, 6 + k])
             world[i, k], world[i, 3 + k], world[i, 6 + k] = x, y, z
         x, y, z = rotate(world, parent, work[i, 9], work[i, 10], work[i, 11])
-        world[i, 9], world[i, 10], world[i, 11] = (
-            x + world[parent, 9],
-            y + world[parent, 10],
-            z + world[parent, 11],
-        )
+        world[i, 9], world[i, 10], world[i, 11] = (x + world[parent, 9], y + world[parent, 10], z + world[parent, 11])
     for c in range(len(ends)):
         body = bodies[c]
         for at in (0, 3):

@@ -120,18 +120,11 @@ def plan_data(plan: Plan) -> dict[str, Any]:
             {"name": name, "kind": "revolute" if turns else "prismatic"}
             for name, turns in zip(plan.joints, plan.limits.revolute, strict=True)
         ],
-        "trajectory": {
-            "kind": kind_of(plan.trajectory),
-            **plan.trajectory.data(),
-            "run_in": plan.run_in,
-        },
+        "trajectory": {"kind": kind_of(plan.trajectory), **plan.trajectory.data(), "run_in": plan.run_in},
         "criterion": plan.criterion,
         "values": {name: finite(value) for name, value in plan.values.items()},
         "limits": limits,
-        "check": {
-            "samples": plan.samples,
-            "rows": [{**asdict(row), "limit": finite(row.limit)} for row in plan.rows],
-        },
+        "check": {"samples": plan.samples, "rows": [{**asdict(row), "limit": finite(row.limit)} for row in plan.rows]},
         "settings": dict(plan.settings),
     }
 

@@ -29,11 +29,7 @@ _NUMPY: Final = Dialect(
     "",
     "",
     "the NumPy module",
-    {
-        "pow": "power",
-        "fmax": "maximum",
-        "fmin": "minimum",
-    },
+    {"pow": "power", "fmax": "maximum", "fmin": "minimum"},
 )
 
 #: Inputs of the expressions by the arrays that hold them.

@@ -5,16 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.model.kernels.generic import (
-    WORK,
-    cross,
-    joint_mass,
-    motion,
-    place,
-    rotate,
-    torque_of_motion,
-    turn_back,
-)
+from dynident.model.kernels.generic import WORK, cross, joint_mass, motion, place, rotate, torque_of_motion, turn_back
 from dynident.model.kernels.jit import compiled, inlined
 from dynident.model.robot import PRISMATIC
 

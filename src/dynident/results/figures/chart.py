@@ -280,11 +280,7 @@ def chart(
 
 
 def _zoom(
-    plots: Sequence[Plot],
-    tops: Sequence[float],
-    across: Across,
-    pieces: Sequence[tuple[slice, AxisScale]],
-    detail: int,
+    plots: Sequence[Plot], tops: Sequence[float], across: Across, pieces: Sequence[tuple[slice, AxisScale]], detail: int
 ) -> str:
     x = plots[0].marks[0].x
     places = np.concatenate([scale.at(x[rows]) for rows, scale in pieces])

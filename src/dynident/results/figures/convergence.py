@@ -15,9 +15,7 @@ _WIDE = 10.0  # ratio from which on an axis is logarithmic
 
 
 def convergence_chart(
-    traces: Mapping[str, Sequence[float]],
-    optimum: float | None = None,
-    objective: str = "objective",
+    traces: Mapping[str, Sequence[float]], optimum: float | None = None, objective: str = "objective"
 ) -> str:
     """Return the best objective so far over iterations, the optimum as a line. Figure 6 of the article.
 

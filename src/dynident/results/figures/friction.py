@@ -13,12 +13,7 @@ POINTS = 241
 
 
 def friction_chart(
-    drive: str,
-    unit: str,
-    speed_unit: str,
-    speed: Array,
-    torque: Array,
-    curve: tuple[Array, Array],
+    drive: str, unit: str, speed_unit: str, speed: Array, torque: Array, curve: tuple[Array, Array]
 ) -> str:
     """Return the friction curve of a drive over the measured torque less the rigid-body part.
 

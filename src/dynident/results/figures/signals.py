@@ -212,10 +212,7 @@ def torque_overview(
     plots = [
         Plot(
             f"{label(name)} [{pretty_unit(unit)}]",
-            (
-                Line("measured", shown, measured[:, k], *MEASURED),
-                Line("predicted", shown, predicted[:, k], *PREDICTED),
-            ),
+            (Line("measured", shown, measured[:, k], *MEASURED), Line("predicted", shown, predicted[:, k], *PREDICTED)),
             105.0,
         )
         for k, (name, unit) in enumerate(joints)

@@ -94,12 +94,7 @@ def track(x: Array, y: Array) -> str:
 
 
 def stroke(
-    data: str,
-    colour: int,
-    width: float = 1.3,
-    dashed: bool = False,
-    opacity: float = 1.0,
-    round_ends: bool = False,
+    data: str, colour: int, width: float = 1.3, dashed: bool = False, opacity: float = 1.0, round_ends: bool = False
 ) -> str:
     """Return a line along path data in a colour of the palette."""
     more: dict[str, object] = {"stroke-width": width}

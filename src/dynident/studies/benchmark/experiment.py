@@ -300,10 +300,7 @@ def _noise(section: Section, top: Section) -> tuple[NoiseLevel, ...]:
     """Return the levels; a short form names some of those of the whole."""
     levels = tuple(
         NoiseLevel(
-            each.name("name"),
-            each.at_least_zero("position"),
-            each.at_least_zero("torque"),
-            tuple(texts(each, "set")),
+            each.name("name"), each.at_least_zero("position"), each.at_least_zero("torque"), tuple(texts(each, "set"))
         )
         for each in top.sections("noise", _NOISE)
     )

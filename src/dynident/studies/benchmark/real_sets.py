@@ -160,13 +160,7 @@ def _figure(section: Section, names: Sequence[str]) -> Published:
         values = tuple(float(v) for v in section.numbers("rmse_unfiltered", len(stated)))
     held_out, training = (section.number(key) if section.has(key) else None for key in ("test_error", "training_error"))
     return Published(
-        name,
-        section.text("who"),
-        held_out,
-        training,
-        values,
-        section.text("source"),
-        section.text("remark", ""),
+        name, section.text("who"), held_out, training, values, section.text("source"), section.text("remark", "")
     )
 
 

@@ -306,12 +306,7 @@ def rehearse(
 
 
 def _stage(
-    share: float,
-    log: Log,
-    model: DynamicModel,
-    how: Preprocessing,
-    estimator: Estimator,
-    constraints: Constraints,
+    share: float, log: Log, model: DynamicModel, how: Preprocessing, estimator: Estimator, constraints: Constraints
 ) -> RehearsalStage:
     """Identify one log; what the log does not tell is an answer too."""
     estimate, failure = None, ""

@@ -32,10 +32,7 @@ def joints_table(rehearsal: Rehearsal) -> Table:
     robot = rehearsal.model.robot
     columns = [Column("joint"), *(Column(f"{stage.seconds:.3g} s", "%", True) for stage in rehearsal.stages)]
     rows = tuple(
-        (
-            label(name),
-            *(format_percent(float(stage.torque_errors[i]), sign=False) for stage in rehearsal.stages),
-        )
+        (label(name), *(format_percent(float(stage.torque_errors[i]), sign=False) for stage in rehearsal.stages))
         for i, name in enumerate(robot.joint_names)
     )
     note = "Test error of the predicted torque, on random states within the ranges of the log."

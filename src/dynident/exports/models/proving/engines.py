@@ -168,11 +168,7 @@ def drake_torque(source: Path | str, states: StateSet, base: str, package: str =
         base: Name of the base link, which is welded to the world unless directives do it, or ``world``.
         package: Name of the package that directives speak of; it is the folder of the file.
     """
-    from pydrake.multibody.parsing import (  # pyright: ignore[reportMissingImports]
-        LoadModelDirectives,
-        Parser,
-        ProcessModelDirectives,
-    )
+    from pydrake.multibody.parsing import LoadModelDirectives, Parser, ProcessModelDirectives  # pyright: ignore[reportMissingImports]
     from pydrake.multibody.plant import MultibodyPlant  # pyright: ignore[reportMissingImports]
     from pydrake.multibody.tree import ModelInstanceIndex, MultibodyForces  # pyright: ignore[reportMissingImports]
 

@@ -18,12 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.exports.c_compiler import (
-    PATIENCE,
-    NoCompilerRuns,
-    build_library,
-    find_compiler,
-)
+from dynident.exports.c_compiler import PATIENCE, NoCompilerRuns, build_library, find_compiler
 from dynident.exports.models.proving import fmu_caller
 from dynident.exports.models.proving.proof import Reloaded
 from dynident.exports.models.subject.identified import Identified

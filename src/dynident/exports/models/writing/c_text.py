@@ -26,14 +26,7 @@ from dynident.exports.models.writing.c_friction import (
 )
 from dynident.exports.models.writing.c_programs import programs_of, rotor_matrix
 from dynident.exports.models.writing.c_source import Spelling, c99_function
-from dynident.exports.models.writing.c_template import (
-    FUNCTIONS,
-    HEAD,
-    MEMORY_FUNCTIONS,
-    MEMORY_TYPE,
-    REGRESSOR,
-    TAIL,
-)
+from dynident.exports.models.writing.c_template import FUNCTIONS, HEAD, MEMORY_FUNCTIONS, MEMORY_TYPE, REGRESSOR, TAIL
 from dynident.exports.models.writing.document import document
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.exports.names_in_files import comment_text, shown_names

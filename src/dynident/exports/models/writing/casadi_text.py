@@ -9,13 +9,7 @@ import numpy as np
 
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import takes_time
-from dynident.exports.models.writing.c_friction import (
-    StateUpdate,
-    combination,
-    drive_terms,
-    motor_lines,
-    state_updates,
-)
+from dynident.exports.models.writing.c_friction import StateUpdate, combination, drive_terms, motor_lines, state_updates
 from dynident.exports.models.writing.c_programs import programs_of
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.model.kernels.trace import TracedProgram
@@ -33,12 +27,7 @@ _PYTHON: Final = Dialect(
 )
 
 #: Traced functions and what they read.
-_TRACED: Final = {
-    "rigid": ("q", "dq", "ddq"),
-    "gravity": ("q",),
-    "coriolis": ("q", "dq"),
-    "mass_matrix": ("q",),
-}
+_TRACED: Final = {"rigid": ("q", "dq", "ddq"), "gravity": ("q",), "coriolis": ("q", "dq"), "mass_matrix": ("q",)}
 
 _SOURCE: Final = '''"""Dynamics of an identified robot arm as CasADi functions; written by dynident.
 

@@ -10,13 +10,7 @@ from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.coloured import spectral_uncertainty
 from dynident.identification.residuals.instruments import with_states
 from dynident.identification.simulated.closed_loop import simulated_logs
-from dynident.identification.simulated.iteration import (
-    Iterated,
-    Round,
-    fixed_point,
-    least_squares_round,
-    started,
-)
+from dynident.identification.simulated.iteration import Iterated, Round, fixed_point, least_squares_round, started
 
 
 @dataclass(frozen=True)
