@@ -36,7 +36,7 @@ def arm(inside: str, head: str = "", tail: str = "", attributes: str = "") -> st
 
 
 HINGE = '<joint name="a" axis="0 1 0"/>'
-DEGREE, RADIAN = '<compiler angle="degree"/>', '<compiler angle="radian"/>'
+RADIAN = '<compiler angle="radian"/>'
 TIED = arm(
     HINGE + BODY + f'<body name="b" pos=".3 0 0"><joint name="b" axis="0 0 1" ref="20"/>{BODY}</body>',
     tail='<equality><joint joint1="b" joint2="z" polycoef="0.3 -2 0 0 0"/></equality>',

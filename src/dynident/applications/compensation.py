@@ -170,7 +170,8 @@ def computed_torque(
     turning = Motion(now, speed, demand)
     rotors = model.rotor_torque(turning, model.rotors(np.asarray(theta, dtype=float))) - model.robot.bias
     resting = _of_position(model, theta, turning)
-    return _shaped(rigid + rotors + resting + np.atleast_2d(_slippery(model, theta, goal)), one)
+    friction = friction_torque(model, theta, goal.q, goal.dq, goal.temperature)
+    return _shaped(rigid + rotors + resting + np.atleast_2d(friction), one)
 
 
 def _of_position(model: DynamicModel, theta: Array, motion: Motion) -> Array:
@@ -179,11 +180,6 @@ def _of_position(model: DynamicModel, theta: Array, motion: Motion) -> Array:
     counts = np.array([part.is_of_position for part in model.friction for _ in part.coefficients], dtype=bool)
     drives = np.einsum("sjk,jk->sj", own.friction_values(motion), model.coefficient_table(theta)[:, counts])
     return drives @ np.asarray(model.robot.coupling)
-
-
-def _slippery(model: DynamicModel, theta: Array, goal: Motion) -> Array:
-    """Return friction without the columns of rotors, shape (N, n)."""
-    return friction_torque(model, theta, goal.q, goal.dq, goal.temperature)
 
 
 def _shaped(torque: Array, one: bool) -> Array:

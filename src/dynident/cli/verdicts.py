@@ -83,9 +83,9 @@ def show_short(
     from dynident.cli import console
     from dynident.diagnosis.warnings import warnings_of
     from dynident.results import short_answer
-    from dynident.results.verdict import cause_lines, criteria_table, new_lines
+    from dynident.results.verdict import cause_lines, criteria_table, headline, new_lines, reason_of
 
-    console.answer(short_answer.verdict_line(verdict))
+    console.answer(headline(verdict) or reason_of(verdict))
     for cause in cause_lines(verdict):
         console.answer(f"error: {cause}")
     for told in new_lines(verdict):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynident.diagnosis.verdict import Verdict, causes_against, quality_of
+from dynident.diagnosis.verdict import causes_against, quality_of
 from dynident.identification.consistency.labels import IDENTIFIED, NOT_DETERMINED, ONLY_COMBINED, labels_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
@@ -26,7 +26,6 @@ from dynident.results.text import (
     shorten,
     total_error,
 )
-from dynident.results.verdict import headline, reason_of
 
 #: Share of a sum of parameters that base parameters may lack by rounding.
 _SUM = 1e-6
@@ -262,11 +261,6 @@ def _clauses(text: str, width: int) -> list[str]:
         if len(lines) <= room:
             return lines
     return [shorten(text, width)]
-
-
-def verdict_line(verdict: Verdict) -> str:
-    """Return the verdict, or what the log checks found where no criteria are stated."""
-    return headline(verdict) or reason_of(verdict)
 
 
 def labels_line(estimate: Estimate) -> str:

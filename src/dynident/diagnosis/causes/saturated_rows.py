@@ -20,20 +20,21 @@ NEAR, AT_LIMIT, BEYOND = 0.005, 0.002, 0.02
 HEAPED = 5.0
 
 
-def without_saturation(fit: QuickFit, log: Log, robot: Robot) -> QuickFit:
+def saturated_rows(log: Log, robot: Robot) -> BoolArray:
+    """Return where torques are cut off: at flat tops, at flat bottoms and at the limits of effort, shape (3, n, N)."""
+    torques = zip(robot.active, np.asarray(log.torque).T, strict=True)
+    own = [(flat_rows(one), flat_rows(-one), at_limit(one, joint.limits.effort)) for joint, one in torques]
+    return np.stack(own, axis=1)
+
+
+def without_saturation(fit: QuickFit, log: Log, cut: BoolArray) -> QuickFit:
     """Return the fit of a log without the rows in which a torque is cut off; the same where too few would be left.
 
     Args:
         fit: Of the log.
         log: The log as it was recorded, with torques.
-        robot: Its robot, with the limits of effort.
+        cut: These rows, shape (N,).
     """
-    torque = np.asarray(log.torque)
-    own = [
-        flat_rows(column) | flat_rows(-column) | at_limit(column, joint.limits.effort)
-        for joint, column in zip(robot.active, torque.T, strict=True)
-    ]
-    cut = np.any(own, axis=0)
     if not cut.any():
         return fit
     count = np.concatenate([[0], np.cumsum(cut)])

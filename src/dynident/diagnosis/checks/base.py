@@ -9,11 +9,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
+import numpy as np
+
+from dynident.arrays import BoolArray
 from dynident.case.case import Case
 from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.saturated_rows import without_saturation
+from dynident.diagnosis.causes.saturated_rows import saturated_rows, without_saturation
 from dynident.diagnosis.causes.thin_fit import beyond_quick_fit, thin_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, other_scales
 from dynident.diagnosis.causes.trends import Trends
@@ -68,7 +71,12 @@ class CheckedLog:
         """A fit of few rows, without those cut off in a log alone; None where it has no torques or too few rows."""
         if self.pooled or self.thin is None or not self.thin.has_rows_enough:
             return self.pooled
-        return without_saturation(self.thin, self.sound.log, self.case.robot)
+        return without_saturation(self.thin, self.sound.log, np.any(self.saturated, axis=(0, 1)))
+
+    @cached_property
+    def saturated(self) -> BoolArray:
+        """Where torques are cut off: at flat tops, at flat bottoms and at the limits of effort, shape (3, n, N)."""
+        return saturated_rows(self.sound.log, self.case.robot)
 
     @cached_property
     def scales(self) -> tuple[JointScale, ...]:

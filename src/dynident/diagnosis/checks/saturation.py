@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.data.log import Log
-from dynident.diagnosis.causes.saturated_rows import at_limit, flat_rows
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
 
@@ -31,12 +30,11 @@ class Saturation(Check):
             return []
         joints, held = list[str](), _held(log, subject.case.robot.joint_names)
         flat = limited = 0.0
-        for joint, column in zip(subject.case.robot.active, log.torque.T, strict=True):
-            tops = float(max(flat_rows(column).mean(), flat_rows(-column).mean()))
-            own = tops, float(at_limit(column, joint.limits.effort).mean())
-            if max(own):
-                joints.append(joint.name)
-                flat, limited = max(flat, own[0]), max(limited, own[1])
+        shares = subject.saturated.mean(axis=2).T.tolist()
+        for name, (top, bottom, bound) in zip(subject.case.robot.joint_names, shares, strict=True):
+            if top or bottom or bound:
+                joints.append(name)
+                flat, limited = max(flat, top, bottom), max(limited, bound)
         if not joints:
             return held
         where = "at its extreme" if flat >= limited else "within 0.5 % of its limit of effort"

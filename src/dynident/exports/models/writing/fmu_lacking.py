@@ -77,12 +77,8 @@ _SOMETHING: Final[dict[str, Sequence[str]]] = {
 _ZERO: Final = ("GetNumberOfEventIndicators", "GetNumberOfContinuousStates")
 
 
-def lacking_functions() -> str:
-    """Return the C source of these functions."""
-    return "\n".join(_functions())
-
-
-def _functions() -> Iterator[str]:
+def lacking_functions() -> Iterator[str]:
+    """Yield the C source of these functions."""
     for name, parameters in _ALWAYS.items():
         yield _function(name, parameters, f'refused(unit, "this unit does not have {name}")')
     for name, parameters in _SOMETHING.items():

@@ -151,7 +151,7 @@ def _source(subject: Identified, prefix: str, variables: tuple[Variable, ...]) -
         "TEMP": "temperature, " if warm else "",
         **_memory(prefix, "state" in subject.model.needs, takes_time(subject.model)),
     }
-    text = TYPES + LIFE + lacking_functions() + "\n"
+    text = TYPES + LIFE + "\n".join(lacking_functions()) + "\n"
     for name, value in values.items():
         text = text.replace(f"@{name}@", value)
     return text
