@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed
@@ -14,8 +13,6 @@ from dynident.diagnosis.repair import wraps
 @dataclass(frozen=True)
 class EncoderWrap(Check):
     """Encoder wrap: jumps of a turn between two samples."""
-
-    stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         counts = wraps(subject.raw.log, subject.case.robot)

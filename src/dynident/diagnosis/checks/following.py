@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -16,8 +15,6 @@ from dynident.diagnosis.finding import Finding, listed
 @dataclass(frozen=True)
 class Following(Check):
     """Speed scaling and order of the joints, by the commanded positions where they are logged."""
-
-    stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         log = subject.sound.log

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -42,8 +41,6 @@ EXPLAINS = (
 @dataclass(frozen=True)
 class JoinedRecordings(Check):
     """Episodes or runs in one log whose clock runs on: no robot moves so far within one step."""
-
-    stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         log = subject.sound.log

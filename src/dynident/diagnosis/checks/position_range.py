@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -43,8 +42,6 @@ MOSTLY_AT_REST = 0.5
 @dataclass(frozen=True)
 class PositionRange(Check):
     """Units of the positions by the joint limits, locked joints that move, joints at rest, share of samples at rest."""
-
-    stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         if radians := _radians(subject):

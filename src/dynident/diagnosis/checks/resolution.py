@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -23,8 +22,6 @@ FEW_STEPS = FEW_VALUES
 @dataclass(frozen=True)
 class Resolution(Check):
     """Quantised positions and torques, torques that never change."""
-
-    stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         log = subject.sound.log

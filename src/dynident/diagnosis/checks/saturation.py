@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,8 +20,6 @@ HELD_S, HELD_MOVED, HELD_LONGER, HELD_SHARE = 1.0, 0.02, 10.0, 0.02
 @dataclass(frozen=True)
 class Saturation(Check):
     """Saturation of the torque by drive, sensor or converter."""
-
-    stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         log = subject.sound.log

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from shlex import quote
-from typing import ClassVar
 
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed
@@ -14,8 +13,6 @@ from dynident.diagnosis.finding import Finding, listed
 @dataclass(frozen=True)
 class TorqueSource(Check):
     """Currents without drive gains, and logs without torques and currents."""
-
-    stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         log = subject.sound.log

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -31,8 +30,6 @@ _UNITS = {180.0 / np.pi: "deg/s", 1e3: "mm/s"}
 @dataclass(frozen=True)
 class Velocity(Check):
     """Unit, sign, order, scale and lag of dq by the derivative of q."""
-
-    stage: ClassVar[int] = 1
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         log = subject.sound.log

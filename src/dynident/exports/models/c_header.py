@@ -35,7 +35,6 @@ class CHeader(ModelExporter):
 
     suffix: ClassVar[str] = ".h"
     proof: ClassVar[str] = "everything by a C compiler: whole, as the sum of its parts, by the regressor, in float"
-    needs_bodies: ClassVar[bool] = True
     remembers: ClassVar[bool] = True
 
     def __post_init__(self) -> None:

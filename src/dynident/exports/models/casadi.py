@@ -34,7 +34,6 @@ class Casadi(ModelExporter):
 
     suffix: ClassVar[str] = ".py"
     proof: ClassVar[str] = "inverse dynamics by NumPy; inverse and forward dynamics by CasADi"
-    needs_bodies: ClassVar[bool] = True
     remembers: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:

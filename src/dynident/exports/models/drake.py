@@ -39,7 +39,6 @@ class Drake(ModelExporter):
 
     suffix: ClassVar[str] = ".dmd.yaml"
     proof: ClassVar[str] = "bodies, armature and damping by Drake, and with Coulomb friction by dynident"
-    needs_bodies: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
         drives, package = drives_of(subject), self._package(path)

@@ -36,7 +36,6 @@ class Fmu(ModelExporter):
 
     suffix: ClassVar[str] = ".fmu"
     proof: ClassVar[str] = "everything by calls by FMI 3.0 of its library, or of one by a C compiler; by FMPy"
-    needs_bodies: ClassVar[bool] = True
     remembers: ClassVar[bool] = True
 
     def __post_init__(self) -> None:

@@ -49,7 +49,6 @@ class Mjcf(ModelExporter):
 
     suffix: ClassVar[str] = ".xml"
     proof: ClassVar[str] = "bodies, armature, damping and Coulomb friction by MuJoCo and Pinocchio"
-    needs_bodies: ClassVar[bool] = True
     edits_description: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:

@@ -45,7 +45,6 @@ class Numpy(ModelExporter):
 
     suffix: ClassVar[str] = ".py"
     proof: ClassVar[str] = "everything by NumPy, as a whole and as the sum of its parts"
-    needs_bodies: ClassVar[bool] = True
     remembers: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:

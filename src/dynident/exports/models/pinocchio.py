@@ -33,7 +33,6 @@ class Pinocchio(ModelExporter):
 
     suffix: ClassVar[str] = ".urdf"
     proof: ClassVar[str] = "bodies, armature, damping and Coulomb friction by Pinocchio"
-    needs_bodies: ClassVar[bool] = True
     edits_description: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:

@@ -37,7 +37,6 @@ class Ros2Friction(ModelExporter):
 
     suffix: ClassVar[str] = ".yaml"
     proof: ClassVar[str] = "friction and identified rotor inertia by PyYAML; not run in ROS 2"
-    needs_bodies: ClassVar[bool] = True
     remembers: ClassVar[bool] = True
 
     def __post_init__(self) -> None:

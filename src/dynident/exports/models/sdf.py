@@ -35,7 +35,6 @@ class Sdf(ModelExporter):
     proof: ClassVar[str] = (
         "bodies, armature and damping by Drake, and with Coulomb friction by dynident; not run in Gazebo"
     )
-    needs_bodies: ClassVar[bool] = True
     edits_description: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:

@@ -30,7 +30,6 @@ class UrdfModel(ModelExporter):
     proof: ClassVar[str] = (
         "bodies, damping, Coulomb friction by dynident, Pinocchio and MuJoCo; with the file beside it everything"
     )
-    needs_bodies: ClassVar[bool] = True
     edits_description: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
