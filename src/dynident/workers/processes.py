@@ -55,7 +55,6 @@ class Processes(Pool):
         begins: Tell = lambda task: None,
         news: Tell = lambda said: None,
     ) -> Generator[Done, None, None]:
-        """Yield tasks as they end; see :meth:`Pool.run`."""
         waiting = iter(tasks)
         workers: list[_Worker] = []
         try:

@@ -46,7 +46,6 @@ class Bam(LogFormat):
             return True
 
     def open(self, path: str | Path) -> ArrayTable:
-        """Return the table; see :meth:`LogFormat.open`."""
         digest = checked_file(path, MAX_BYTES)
         try:
             data: Any = json.loads(Path(path).read_bytes())

@@ -65,7 +65,6 @@ class TrajectoryLog(LogFormat):
             raise UnknownChoice("ROS release", self.distro, list(releases()))
 
     def open(self, path: str | Path) -> ArrayTable:
-        """Return the table; see :meth:`LogFormat.open`."""
         source = bag_source(path, self.distro, False)
         known = source.topics()
         states, commands = (

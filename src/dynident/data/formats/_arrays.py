@@ -57,7 +57,6 @@ class ArrayTable(LogTable):
         return cls(path=str(path), sha256=digest, header=tuple(places), how=how, places=places, rows=rows)
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`LogTable.columns`."""
         if self.rows * len(names) > MAX_CELLS:
             evidence = f"{self.rows:,} rows of {len(names)} columns, more than are read at once"
             raise LogFormatError(self.path, None, evidence, TOO_LARGE)
@@ -80,7 +79,6 @@ class ArrayTable(LogTable):
         return np.stack(found, axis=1)
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`LogTable.batches`."""
         if self.parts is None:
             return (yield from super().batches(names, rows))
         places = [self.places[name] for name in names]

@@ -45,7 +45,6 @@ class BagTable(LogTable):
     has_frames: ClassVar = True
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`LogTable.columns`."""
         return self.read(names)[0]
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:

@@ -46,13 +46,11 @@ class MadeTable(TableOfTable):
         """Return an added column, shape (rows,); ``columns`` are those of the file that were read for its rows."""
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
-        """Return some columns and what was done; see :meth:`LogTable.read`."""
         inside = self._inside(names)
         values, notes = self.inner.read(inside)
         return self._with_made(values, inside, names, 0), notes
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`LogTable.batches`."""
         inside, start = self._inside(names), 0
         blocks = self.inner.batches(inside, rows)
         while True:

@@ -32,11 +32,9 @@ class RenamedTable(TableOfTable):
     own: Mapping[str, str]
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
-        """Return some columns and what was done; see :meth:`LogTable.read`."""
         return self.inner.read(self._inside(names))
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Return some columns in blocks; see :meth:`LogTable.batches`."""
         return self.inner.batches(self._inside(names), rows)
 
     def _inside(self, names: Sequence[str]) -> list[str]:

@@ -78,7 +78,6 @@ class TextTable(LogTable):
         return values
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`LogTable.batches`."""
         wanted, some = [self.header.index(name) for name in names], False
         with opened(self.path) as stream:
             rest, number = islice(stream, self.before, None), self.before

@@ -25,7 +25,6 @@ class UnrepeatedTable(TableOfTable):
     _left_out: list[int] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
-        """Return some columns and what was done; see :meth:`LogTable.read`."""
         inside = self._inside(names)
         values, notes = self.inner.read(inside)
         same = _repeats(values)
@@ -33,7 +32,6 @@ class UnrepeatedTable(TableOfTable):
         return values[~same][:, : len(names)], (*notes, *self._note())
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`LogTable.batches`."""
         blocks, start, before = self.inner.batches(self._inside(names), rows), 0, None
         self._left_out.clear()
         while True:

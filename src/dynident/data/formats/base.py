@@ -110,11 +110,9 @@ class TableOfTable(LogTable):
     rereads: ClassVar = False
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`LogTable.columns`."""
         return self.read(names)[0]
 
     def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
-        """Return the error to raise for a row; see :meth:`LogTable.fault`."""
         return self.inner.fault(row, evidence, step)
 
 

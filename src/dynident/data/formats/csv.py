@@ -36,7 +36,6 @@ class Csv(LogFormat):
         object.__setattr__(self, "names", tuple(self.names))
 
     def open(self, path: str | Path) -> TextTable:
-        """Return the table; see :meth:`LogFormat.open`."""
         return open_table(path, self.decimal, self.names)
 
     def write(self, log: Log, path: str | Path) -> None:

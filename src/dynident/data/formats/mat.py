@@ -38,7 +38,6 @@ class Mat(LogFormat):
     suffixes: ClassVar = (".mat", ".h5", ".hdf5")
 
     def open(self, path: str | Path) -> ArrayTable:
-        """Return the table; see :meth:`LogFormat.open`."""
         digest = checked_file(path, _MOST_BYTES if _is_hdf5(path) else _MAX_BYTES)
         return _new(path, digest) if _is_hdf5(path) else _old(path, digest)
 

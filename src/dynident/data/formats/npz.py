@@ -47,7 +47,6 @@ class Npz(LogFormat):
     suffixes: ClassVar = (".npz", ".npy")
 
     def open(self, path: str | Path) -> ArrayTable:
-        """Return the table; see :meth:`LogFormat.open`."""
         digest = checked_file(path, MAX_BYTES)
         if str(path).lower().endswith(".npy"):
             return _bare(path, digest)

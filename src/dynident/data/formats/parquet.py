@@ -35,7 +35,6 @@ class ParquetTable(LogTable):
     places: Mapping[str, ArrayPlace]
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`LogTable.columns`."""
         if self.rows * len(names) > MAX_CELLS:
             evidence = f"{self.rows:,} rows of {len(names)} columns, more than are read at once"
             raise LogFormatError(self.path, None, evidence, TOO_LARGE)
@@ -92,7 +91,6 @@ class Parquet(LogFormat):
     suffixes: ClassVar = (".parquet", ".pq")
 
     def open(self, path: str | Path) -> ParquetTable:
-        """Return the table; see :meth:`LogFormat.open`."""
         digest = checked_file(path, _MAX_BYTES)
         file = _opened(path)
         if file.metadata.num_rows < 0:
@@ -111,7 +109,6 @@ class Parquet(LogFormat):
         )
 
     def write(self, log: Log, path: str | Path) -> None:
-        """Write the columns of the log; see :meth:`LogFormat.write`."""
         pa, pq = _package()
         header, values = written_table(log)
         table = pa.table({name: column for name, column in zip(header, values.T, strict=True)})

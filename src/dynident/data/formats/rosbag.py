@@ -52,7 +52,6 @@ class Rosbag(LogFormat):
         return super().takes(path)
 
     def open(self, path: str | Path) -> BagTable:
-        """Return the table; see :meth:`LogFormat.open`."""
         source = bag_source(path, self.distro, self.salvage)
         topics = self._topics(str(path), source.topics())
         by = "stamps of the messages" if self.stamps == "header" else "receive times"

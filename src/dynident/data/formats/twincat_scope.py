@@ -40,7 +40,6 @@ class ScopeTable(LogTable):
     before: int
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`LogTable.columns`."""
         return self.read(names)[0]
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
@@ -116,7 +115,6 @@ class TwincatScope(LogFormat):
             raise BadOption("decimal", self.decimal, "choose '.' or ','")
 
     def open(self, path: str | Path) -> ScopeTable:
-        """Return the table; see :meth:`LogFormat.open`."""
         digest, encoding = check_text(path)
         number, cells, delimiter, before = _header(path)
         channels = [name.strip() for name in cells[1::2]]

@@ -51,7 +51,6 @@ class RestToRest(Trajectory):
 
     @property
     def joints(self) -> int:
-        """Number of joints, n."""
         return self.core.joints
 
     def evaluate(self, time: npt.ArrayLike) -> tuple[Array, Array, Array]:
@@ -60,7 +59,6 @@ class RestToRest(Trajectory):
         return q, dq, ddq
 
     def jerk(self, time: npt.ArrayLike) -> Array:
-        """Return the third derivative at the times (N,) in s, shape (N, n)."""
         return self._signals(time)[3]
 
     @property

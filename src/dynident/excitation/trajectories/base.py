@@ -129,7 +129,6 @@ class Designable(Trajectory):
 
     @property
     def joints(self) -> int:
-        """Number of joints, n."""
         return len(self.table)
 
     @property
@@ -138,12 +137,10 @@ class Designable(Trajectory):
         return self.period
 
     def evaluate(self, time: npt.ArrayLike) -> tuple[Array, Array, Array]:
-        """Return q, dq and ddq at the times (N,) in s, each (N, n)."""
         basis, table = self.basis(self._inside(times(time)), self.period, self.table.shape[1]), self.table.T
         return basis[0] @ table, basis[1] @ table, basis[2] @ table
 
     def jerk(self, time: npt.ArrayLike) -> Array:
-        """Return the third derivative at the times (N,) in s, shape (N, n)."""
         return self.basis(self._inside(times(time)), self.period, self.table.shape[1])[3] @ self.table.T
 
     def _inside(self, time: Array) -> Array:

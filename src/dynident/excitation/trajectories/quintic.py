@@ -70,7 +70,6 @@ class Quintic(Trajectory):
 
     @property
     def joints(self) -> int:
-        """Number of joints, n."""
         return self.start.shape[1]
 
     @property
@@ -79,12 +78,10 @@ class Quintic(Trajectory):
         return self.length
 
     def evaluate(self, time: npt.ArrayLike) -> tuple[Array, Array, Array]:
-        """Return q, dq and ddq at the times (N,) in s, each (N, n)."""
         q, dq, ddq = (self._power(time, order) for order in range(3))
         return q, dq, ddq
 
     def jerk(self, time: npt.ArrayLike) -> Array:
-        """Return the third derivative at the times (N,) in s, shape (N, n)."""
         return self._power(time, 3)
 
     def _power(self, time: npt.ArrayLike, order: int) -> Array:

@@ -50,16 +50,13 @@ class Slowed(Trajectory):
 
     @property
     def joints(self) -> int:
-        """Number of joints, n."""
         return self.core.joints
 
     def evaluate(self, time: npt.ArrayLike) -> tuple[Array, Array, Array]:
-        """Return q, dq and ddq at the times (N,) in s, each (N, n)."""
         q, dq, ddq = self.core.evaluate(times(time) * self.speed)
         return q, dq * self.speed, ddq * self.speed**2
 
     def jerk(self, time: npt.ArrayLike) -> Array:
-        """Return the third derivative at the times (N,) in s, shape (N, n)."""
         return self.core.jerk(times(time) * self.speed) * self.speed**3
 
 

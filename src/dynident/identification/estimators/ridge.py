@@ -53,7 +53,6 @@ class Ridge(Estimator):
             raise BadOption("strength", self.strength, "give a number, 0 or more, or leave it to cross-validation")
 
     def solve(self, problem: Problem) -> Solution:
-        """Return the estimate."""
         start = WLS().solve(problem)
         reduced = problem.reduced(start.weights)
         factors = correlation_of(problem, start.beta)

@@ -32,12 +32,10 @@ class TrainingPart(LogStream):
     split: Split = field(kw_only=True)
 
     def times(self, rows: int = ROWS) -> Reading[Array, Source]:
-        """Return the time in blocks; see :meth:`LogStream.times`."""
         limits = self._limits  # before the rows are read once more
         return Reading(self._cut_times(super().times(rows), limits))
 
     def blocks(self, rows: int = ROWS) -> Reading[Log, Source]:
-        """Return logs of successive rows; see :meth:`LogStream.blocks`."""
         limits = self._limits
         return Reading(self._cut_logs(super().blocks(rows), limits))
 

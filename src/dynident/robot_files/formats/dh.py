@@ -59,7 +59,6 @@ class DenavitHartenberg(Description):
     suffixes: ClassVar[tuple[str, ...]] = (".yaml", ".yml")
 
     def read(self, path: object, data: bytes) -> Robot:
-        """Return the robot of a DH table; see :class:`Description`."""
         value, lines = load_yaml(path, data)
         return _robot(Section.top(path, value, _ROBOT, lines))
 

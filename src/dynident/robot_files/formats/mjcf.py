@@ -31,13 +31,11 @@ class MjcfFile(Description):
     roots: ClassVar[tuple[str, ...]] = ("mujoco", "mujocoinclude")
 
     def read(self, path: object, data: bytes) -> Robot:
-        """Return the robot of an MJCF; see :class:`Description`."""
         from dynident.robot_files.mjcf.model import read_mjcf_model  # few need it
 
         return read_mjcf_model(path, data).robot()
 
     def included(self, path: object, data: bytes) -> tuple[str, ...]:
-        """Return includes and attached models; see :class:`Description`."""
         from dynident.robot_files.mjcf.document import included_files
 
         return included_files(path, data)

@@ -23,7 +23,6 @@ class Native(Description):
     suffixes: ClassVar[tuple[str, ...]] = (".json",)
 
     def read(self, path: object, data: bytes) -> Robot:
-        """Return the robot of a JSON file; see :class:`Description`."""
         return robot_from_dict(_load_json(path, data), path)
 
 

@@ -27,13 +27,11 @@ class SdfFile(Description):
     roots: ClassVar[tuple[str, ...]] = ("sdf",)
 
     def read(self, path: object, data: bytes) -> Robot:
-        """Return the robot of an SDF; see :class:`Description`."""
         from dynident.robot_files.sdf_model import read_sdf_model  # few need it
 
         return read_sdf_model(path, data).robot()
 
     def included(self, path: object, data: bytes) -> tuple[str, ...]:
-        """Return included models; see :class:`Description`."""
         from dynident.robot_files.sdf_includes import read_sdf_files
 
         return tuple(read_sdf_files(path, data)[1].texts)[1:]

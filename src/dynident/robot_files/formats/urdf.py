@@ -64,7 +64,6 @@ class Urdf(Description):
     roots: ClassVar[tuple[str, ...]] = ("robot",)
 
     def read(self, path: object, data: bytes) -> Robot:
-        """Return the robot of a URDF; see :class:`Description`."""
         return _Reader(path).robot(parse_urdf(path, data))
 
 

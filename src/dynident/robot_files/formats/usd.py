@@ -43,7 +43,6 @@ class UsdModel(Description):
     opening: ClassVar[bytes] = b"#usda"
 
     def read(self, path: object, data: bytes) -> Robot:
-        """Return the robot of a stage; see :class:`Description`."""
         suffix = next((ending for head, ending in _HEADS.items() if data.startswith(head)), "")
         if not suffix:
             raise DescriptionError(path, "", "no USD by its first bytes", "export the stage again")
@@ -57,7 +56,6 @@ class UsdModel(Description):
             return robot_of_stage(path, read_stage(file))
 
     def included(self, path: object, data: bytes) -> tuple[str, ...]:
-        """Return the layers of a stage; see :class:`Description`."""
         from dynident.robot_files.usd_parts import open_stage
 
         stage = open_stage(str(path))  # its layers live as long as it does

@@ -59,17 +59,14 @@ class LoggedMotion(Trajectory):
 
     @property
     def joints(self) -> int:
-        """Number of joints, n."""
         return self.q.shape[1]
 
     def evaluate(self, time: npt.ArrayLike) -> tuple[Array, Array, Array]:
-        """Return q, dq and ddq at the times (N,) in s, each (N, n)."""
         at = np.clip(times(time), 0.0, self.duration)
         orders: Any = getattr(self, "_orders")  # noqa: B009
         return orders[0](at), orders[1](at), orders[2](at)
 
     def jerk(self, time: npt.ArrayLike) -> Array:
-        """Return the third derivative at the times (N,) in s, shape (N, n)."""
         orders: Any = getattr(self, "_orders")  # noqa: B009
         return orders[3](np.clip(times(time), 0.0, self.duration))
 
