@@ -41,6 +41,12 @@ def test_signs_of_all_joints_are_told_by_what_explains_the_log(
     assert all(f"-{unit}" in error.remedy for unit in (("N m",) if told == "torque sign" else ("rad",)))
 
 
+def test_of_signs_that_a_symmetrical_arm_does_not_tell_those_of_the_torques_are_told(tmp_path: Path) -> None:
+    """Mirrored in a plane through all its axes, the arm that turns the other way has the torques turned."""
+    (error,) = errors_of(turned(virtual(read_case("generic-7r"), rate=100.0), "tau"), tmp_path)
+    assert error.name == "torque sign" and "positions turned in place of all torques" in error.evidence
+
+
 LINK = """<robot name="one"><link name="base"/><link name="link"><inertial><origin xyz="0.3 0 0"/><mass value="{mass}"/>
 <inertia ixx="0.01" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="{kind}">
 <parent link="base"/><child link="link"/><axis xyz="{axis}"/>

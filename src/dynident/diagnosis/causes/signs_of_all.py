@@ -66,8 +66,8 @@ def opposite_torques(fit: QuickFit) -> list[Finding]:
             f"mounted upside down? state it (gravity: [{told}])",
         ),
         "axis sign": (replace(mirrored, mixing=inverted), "turn the signs of positions and torques, or the axes"),
-        "position sign": (mirrored, "turn the signs of the positions"),
         "torque sign": (replace(stated, mixing=inverted), "turn the signs of the torques"),
+        "position sign": (mirrored, "turn the signs of the positions"),
     }
     found = {name: nominal_agreement(fit, reading) for name, (reading, _) in readings.items()}
     best = max(found.values())
