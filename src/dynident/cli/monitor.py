@@ -173,6 +173,7 @@ def _rates(text: str) -> list[float]:
 
 def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) -> None:
     from dynident.cli import console
+    from dynident.data.preprocessing._closed_brakes import brakes_closed
     from dynident.results.text import Column, Table, counted, format_number, label, pretty_unit
 
     robot = monitor.observer.model.robot
@@ -200,7 +201,8 @@ def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) ->
             times = f"{alarm.start:.4f} to {alarm.end:.4f} s"
             sizes = f"{alarm.peak:.4g} against {alarm.threshold:.4g}"
             console.answer(f"alarm: {label(alarm.joint)}, {times}: {sizes}")
-        for remark in (_resting(monitor, [own["held"] for own in one.figures()["joints"]]), _anew(one.gaps)):
+        unseen = f"nothing is watched {brakes_closed(one.braked)}" if one.braked else ""
+        for remark in (_resting(monitor, [own["held"] for own in one.figures()["joints"]]), _anew(one.gaps), unseen):
             if remark:
                 console.answer(f"remark: {remark}")
         if one.mostly_above:

@@ -26,7 +26,8 @@ class Source:
         rows: Rows of the file.
         steps: What was done to the rows since, in order, in words.
         split: How ``--split`` takes this training part, and the test part beside it, from the file; empty for all.
-        gap_samples: Samples near gaps in time that were left out.
+        gap_samples: Samples that were left out near gaps in time and where brakes are closed.
+        braked: Start and end in s of the spells with closed brakes.
     """
 
     path: str = ""
@@ -35,6 +36,7 @@ class Source:
     steps: tuple[str, ...] = ()
     split: str = ""
     gap_samples: int = 0
+    braked: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dynident.data.preprocessing._closed_brakes import brakes_closed
 from dynident.diagnosis.new_log import NewLog, check_command, unlike
 from dynident.diagnosis.verdict import check_lines, is_too_short, model_doubt, quality_of
 from dynident.identification.consistency.log_cholesky_fit import UNFINISHED
@@ -186,9 +187,10 @@ def _unfinished(estimate: Estimate) -> list[str]:
 
 
 def _gaps(estimate: Estimate) -> list[str]:
-    """Name the logs with gaps in time whose samples were left out."""
+    """Name the logs with gaps in time, or spells with closed brakes, whose samples were left out."""
     return [
-        f"{log.get('path') or 'a log'}: {log['gap_samples']} samples near gaps in time left out"
+        f"{log.get('path') or 'a log'}: {log['gap_samples']} samples near gaps in time"
+        f"{' or ' + brakes_closed(log['braked']) if log.get('braked') else ''} left out"
         for log in estimate.provenance.get("logs", ())
         if log.get("gap_samples")
     ]

@@ -31,6 +31,7 @@ class Monitored:
         alarms: In order of time.
         other_rate: What to do where the log is at another sampling rate than the clean runs; empty where it is not.
         gaps: Number of gaps in time behind which the observer began anew.
+        braked: Start and end in s of the spells with closed brakes, which are not watched.
     """
 
     log: str
@@ -42,6 +43,7 @@ class Monitored:
     alarms: tuple[Alarm, ...]
     other_rate: str = ""
     gaps: int = 0
+    braked: tuple[tuple[float, float], ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -102,7 +104,8 @@ def run_monitor(monitor: Monitor, log: Log) -> Monitored:
         for alarm in _alarms(name, time, residual[:, j], threshold[:, j], APART / observer.gain)
     ]
     alarms, other_rate = tuple(sorted(found, key=lambda one: one.start)), monitor.other_rate(whole.step)
-    return Monitored(whole.name, names, time, residual, threshold, held, alarms, other_rate, len(parts) - 1)
+    gaps, braked = len(whole.gaps(observer)), tuple((float(start), float(end)) for start, end in whole.braked)
+    return Monitored(whole.name, names, time, residual, threshold, held, alarms, other_rate, gaps, braked)
 
 
 def _alarms(name: str, time: Array, residual: Array, threshold: Array, apart: float) -> list[Alarm]:

@@ -12,6 +12,7 @@ from dynident.applications.start_states import first_states
 from dynident.arrays import Array
 from dynident.data.log import Log, measured_torque
 from dynident.data.preprocessing import BRIDGED, check_finite, resample
+from dynident.data.preprocessing._closed_brakes import closed_brakes
 from dynident.errors import LogMismatch
 from dynident.identification.estimate.estimate import Estimate
 
@@ -32,6 +33,7 @@ class Signals:
         temperature: Of the drives, shape (N, n), in degrees Celsius; None where the log has none.
         first: States of friction at the first sample, shape (n, s); None for their start.
         steps: Starts and ends of the long steps of the log, over which straight lines go, shape (G, 2), in s.
+        braked: Starts and ends of spells with closed brakes, which are not watched, shape (k, 2), in s.
         delay: Of the torques, by which the motion was shifted, in s.
     """
 
@@ -43,6 +45,7 @@ class Signals:
     temperature: Array | None = None
     first: Array | None = None
     steps: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    braked: Array = field(default_factory=lambda: np.zeros((0, 2)))
     delay: float = 0.0
 
     @property
@@ -50,9 +53,16 @@ class Signals:
         """Seconds a sample."""
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
+    def gaps(self, observer: MomentumObserver) -> Array:
+        """Return the steps over which the observer does not follow, shape (k, 2), in s."""
+        return self.steps[np.diff(self.steps, axis=1)[:, 0] > observer.longest_step(self.step)]
+
     def stretches(self, observer: MomentumObserver) -> list[Signals]:
-        """Return the parts between gaps, over which the observer does not follow; the whole where there is none."""
-        gaps = self.steps[np.diff(self.steps, axis=1)[:, 0] > observer.longest_step(self.step)]
+        """Return the parts between gaps, over which the observer does not follow; the whole where there is none.
+
+        Spells with closed brakes are gaps.
+        """
+        gaps = np.concatenate([self.gaps(observer), self.braked])
         known = np.ones(len(self.time), dtype=bool)
         before, after = 2 * self.step - min(self.delay, 0.0), 2 * self.step + max(self.delay, 0.0)
         for start, end in gaps:  # velocities and shifted motions are made of samples on both sides
@@ -64,7 +74,7 @@ class Signals:
             first = self.first if states is None or not start else states[start]
             rows = {name: getattr(self, name) for name in ("time", "q", "dq", "torque", "temperature")}
             own = {name: None if one is None else one[start:stop] for name, one in rows.items()}
-            found.append(replace(self, **own, first=first, steps=np.zeros((0, 2))))
+            found.append(replace(self, **own, first=first, steps=np.zeros((0, 2)), braked=np.zeros((0, 2))))
         return found
 
 
@@ -83,7 +93,7 @@ def signals_of(estimate: Estimate, log: Log) -> Signals:
     steps = np.diff(log.time)
     long = np.flatnonzero(steps > UNSEEN * np.median(steps)) if len(steps) else []
     log, steps = resample(log, BRIDGED), np.column_stack([log.time[long], log.time[np.add(long, 1, dtype=int)]])
-    torque = measured_torque(log)
+    torque, braked = measured_torque(log), closed_brakes(log)
     if "temperature" in estimate.model.needs and log.temperature is None:
         raise LogMismatch(log.name, "no temperatures of the drives", "map them: the friction depends on them")
     time, q, dq, warm = log.time, log.q, log.dq, log.temperature
@@ -100,7 +110,7 @@ def signals_of(estimate: Estimate, log: Log) -> Signals:
         warm = None if warm is None else warm[inside]
     if len(time) < LEAST:
         raise LogMismatch(log.name, f"{len(time)} samples are left", "give a longer log")
-    return Signals(log.name, time, q, dq, torque, warm, first_states(estimate, log), steps, delay)
+    return Signals(log.name, time, q, dq, torque, warm, first_states(estimate, log), steps, braked, delay)
 
 
 def residuals_of(observer: MomentumObserver, signals: Signals) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.log import Log
+from dynident.data.preprocessing._closed_brakes import closed_brakes
 from dynident.data.preprocessing._local_polynomials import fractional_shift, shifted
 from dynident.data.preprocessing._thinning import Thinning
 from dynident.data.preprocessing.base import Filter
@@ -187,7 +188,12 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
 
 def _filtered(log: Log, how: Preprocessing) -> Log:
     """Return a log on a uniform grid, filtered, and likewise the motion before it."""
-    found, before = how.filter.apply(resample(log, how.longest_gap_s)), log.before
+    even, before = resample(log, how.longest_gap_s), log.before
+    if len(spells := closed_brakes(even)):  # what is measured there and near it is left out as near a gap
+        gaps = spells if even.gaps is None else np.concatenate([even.gaps, spells])
+        source = replace(even.source, braked=tuple((float(start), float(end)) for start, end in spells))
+        even = replace(even, gaps=gaps, source=source)
+    found = how.filter.apply(even)
     if not isinstance(before, Log):
         return found
     start = 1 + max((-1, *_long_gaps(before, how.longest_gap_s)))
@@ -221,7 +227,7 @@ def thinned(filtered: Log, how: Preprocessing, delay_s: float = 0.0) -> Prepared
     if near.any():
         keep = keep[~near]
         count = int(np.count_nonzero(near))
-        filtered = filtered.with_step(f"{count} samples near gaps in time left out")
+        filtered = filtered.with_step(f"{count} samples near gaps in time or with closed brakes left out")
         filtered = replace(filtered, source=replace(filtered.source, gap_samples=count))
     if len(keep) < 2:
         kept = f"{len(keep)} of {filtered.samples} samples are left after {how.trim_s:.3g} s trimmed at each end"
