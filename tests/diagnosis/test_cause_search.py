@@ -14,6 +14,7 @@ from dynident.diagnosis.causes.cause_search import FITTED, Blame, Cause, CauseSe
 from dynident.diagnosis.causes.noise_spectrum import NoiseSpectrum
 from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trend_findings import believed
+from dynident.diagnosis.causes.weighted_fit import weighted_products
 from dynident.identification.residuals.covariance import FEWEST_FREE
 
 
@@ -56,6 +57,16 @@ def _fall(found: CauseSearch, variances: Array, causes: tuple[int, ...]) -> floa
         matrix, aim = np.concatenate(whole), np.concatenate(target)
         left.append(float(np.sum((aim - matrix @ np.linalg.lstsq(matrix, aim, rcond=None)[0]) ** 2)))
     return left[0] - left[1]
+
+
+def test_causes_in_another_order_are_the_same_fit() -> None:
+    columns, order = np.random.default_rng(2).normal(size=(3, 300, 2)), [0, 2, 1]
+    found = search(0.3 * columns[0], columns)
+    counts, floors = found.rows.counts, found.floors
+    start = found.columns.whole / counts + floors
+    expected = weighted_products(*found.products(order), found.columns.squares, counts, floors, start)
+    np.testing.assert_allclose(found.fit(order).beta, expected.beta, rtol=1e-9)
+    np.testing.assert_allclose(found.fit(order).information, expected.information, rtol=1e-9, atol=1e-9)
 
 
 def test_causes_that_hide_each_other_are_found_and_none_where_there_is_none() -> None:

@@ -165,6 +165,19 @@ def test_rows_tell_slopes_and_torques_between_samples(
     np.testing.assert_array_equal(lost, np.arange(96, 104))
 
 
+def test_rows_beside_other_friction_are_those_made_afresh(model: DynamicModel, late: Callable[..., Log]) -> None:
+    prepared = preprocess(late(0.0), replace(AUTO, delay_s=0.0))
+    more = replace(model, friction=(*model.friction, FRICTION.make("stribeck")))
+    plain, other = (RegressorStream(each, base_parameters(each)) for each in (model, more))
+    before = DelayRows(plain, prepared, -RANGE, RANGE)
+    afresh = DelayRows(other, prepared, -RANGE, RANGE)
+    for known in (before, DelayRows(plain, prepared, -2.0 * RANGE, RANGE)):  # the second has fewer rows
+        for found, expected in zip(
+            DelayRows(other, prepared, -RANGE, RANGE, before=known).blocks, afresh.blocks, strict=True
+        ):
+            np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
 def test_the_surest_delay_counts_most() -> None:
     delays = (DelayRecord("a", 1e-3, 1e-4, 1e-3), DelayRecord("b", 2e-3, 2e-4, 2e-3))
     assert common_delay(delays) == pytest.approx((4 * 1e-3 + 2e-3) / 5)

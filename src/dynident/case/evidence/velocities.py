@@ -8,7 +8,7 @@ from math import ceil
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing._zero_phase import low_passed
 
 #: Both are compared below this frequency, in Hz, where arms move.
@@ -60,25 +60,29 @@ class VelocityPair:
     @cached_property
     def lags(self) -> Array:
         """Lag of each velocity behind the derivative in s, shape (n,): the least-squares shift; 0 for none."""
-        found = np.zeros(self.slope.shape[1])
+        found, moving = np.zeros(self.slope.shape[1]), np.flatnonzero(self.moving)
         first, last = ceil(LATEST * self.rate), len(self.slope) - ceil(-EARLIEST * self.rate)
-        inner = np.arange(first, last, max(1, int(self.rate / (20.0 * BAND_HZ))))
+        every, pad = max(1, int(self.rate / (20.0 * BAND_HZ))), ceil(2.0 * COARSE * self.rate) + 1
         if last - first < FEWEST:
             return found
-        for joint in np.flatnonzero(self.moving).tolist():
-            stated, slope = self.stated[inner, joint], self.slope[:, joint].copy()
-            steps = np.diff(slope, append=slope[-1:])
+        stated, slope = self.stated[first:last:every], np.pad(self.slope, ((pad, pad), (0, 0)), mode="edge")
 
-            def left(lags: Array, stated: Array = stated, slope: Array = slope, steps: Array = steps) -> Array:
-                at = np.clip(inner - lags[:, None] * self.rate, 0.0, len(slope) - 1.0)
-                before = at.astype(int)
-                return np.sum((stated - slope[before] - (at - before) * steps[before]) ** 2, axis=1)
+        def left(lags: Array, joints: IntArray) -> Array:
+            """Return what lags (m,) leave of the squares of some joints, shape (m, k)."""
+            own, before, squares = stated[:, joints], slope[:, joints], np.zeros((len(lags), len(joints)))
+            for k, steps in enumerate((lags * self.rate).tolist()):
+                at = first + pad - ceil(steps)
+                early, late = (before[at + one : at + one + last - first : every] for one in (0, 1))
+                squares[k] = np.sum((own - early - (ceil(steps) - steps) * (late - early)) ** 2, axis=0)
+            return squares
 
-            coarse = np.arange(EARLIEST, LATEST, COARSE)
-            near = coarse[int(np.argmin(left(coarse)))] + np.arange(-COARSE, COARSE, FINE)
-            squares = left(near)
-            lag, best = float(near[int(np.argmin(squares))]), float(squares.min())
-            if abs(lag) >= LAG_SAMPLES / self.rate and best < LAG_LEAVES * left(np.zeros(1))[0]:
+        coarse = np.arange(EARLIEST, LATEST, COARSE)
+        logged, best = left(np.zeros(1), moving)[0], coarse[np.argmin(left(coarse, moving), axis=0)]
+        for joint, start, plain in zip(moving.tolist(), best.tolist(), logged.tolist(), strict=True):
+            near = start + np.arange(-COARSE, COARSE, FINE)
+            squares = left(near, np.array([joint]))[:, 0]
+            lag = float(near[int(np.argmin(squares))])
+            if abs(lag) >= LAG_SAMPLES / self.rate and squares.min() < LAG_LEAVES * plain:
                 found[joint] = lag
         return found
 

@@ -156,7 +156,10 @@ class CauseSearch:
         return self._fits[key]
 
     def fitted(self, chosen: Sequence[int]) -> Solved:
-        """Make the fit with some of the causes, by their numbers."""
+        """Make the fit with some of the causes, by their numbers; those in another order are the same fit."""
+        if (ordered := sorted(chosen)) != [*chosen]:
+            same, order = self.fit(ordered), np.searchsorted(self.used(ordered), self.used(chosen))
+            return replace(same, beta=same.beta[order], information=same.information[np.ix_(order, order)])
         counts, start = self.rows.counts, self.columns.whole / self.rows.counts + self.floors
         return weighted_products(*self.products(chosen), self.columns.squares, counts, self.floors, start)
 
@@ -289,15 +292,13 @@ class CauseSearch:
         It is 0 where a coefficient has to be positive and is not. Weights follow from the fit ``before`` with the
         ``chosen`` ones: its own are those of a pass earlier, which nearly dependent columns do not forgive.
         """
-        columns, use = self.columns, self.used(chosen)
-        new = np.arange(self.size, columns.sides.shape[1])
-        every, weights, known = np.concatenate([use, new]), 1.0 / before.variances, len(use)
+        columns, use, weights = self.columns, self.used(chosen), 1.0 / before.variances
+        every, known = np.concatenate([use, np.arange(self.size, columns.sides.shape[1])]), len(use)
         gram = np.tensordot(weights, columns.grams, 1)[every[:, None], every]
         side, sizes = (weights @ columns.sides)[every], np.diag(gram).copy()
         gram += np.diag(RIDGE * np.where(sizes > 0, sizes, 1.0))
         along = np.linalg.solve(gram[:known, :known], gram[:known, known:])
-        beyond = gram[known:, known:] - gram[known:, :known] @ along
-        beyond += np.diag(1e-9 * sizes[known:] + 1e-300)
+        beyond = gram[known:, known:] - gram[known:, :known] @ along + np.diag(1e-9 * sizes[known:] + 1e-300)
         rest, found = side[known:] - along.T @ side[:known], np.zeros(len(more))
         positive = np.concatenate([np.full(len(cause.columns), cause.is_positive) for cause in self.causes])
         spans = [tuple((own - self.size).tolist()) for own in self._places]
@@ -374,9 +375,8 @@ class CauseSearch:
     def _blame(self, before: Solved, after: Solved, chosen: Sequence[int], counted: tuple[Array, float]) -> Blame:
         (worth, times), cause, size = counted, self.causes[chosen[-1]], len(self._places[chosen[-1]])
         values, covariance = after.beta[-size:], after.covariance[-size:, -size:] * times
-        torque = np.tensordot(values, cause.columns, 1)
+        own, whole = self.rows.mean_size(np.tensordot(values, cause.columns, 1)), self.rows.measured_size
         values, covariance = values[: cause.told], covariance[: cause.told, : cause.told]
-        own, whole = self.rows.mean_size(torque), self.rows.measured_size
         size_of_all = max(float(np.linalg.norm(whole)), 1e-300)
         return Blame(
             cause,

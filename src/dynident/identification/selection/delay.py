@@ -90,7 +90,7 @@ def find_delays(
     if not (may_lag or model.lags) and any(delay.applied > 0.0 for delay in found):
         memory = tuple(Presliding(length=length, element=k, damping=True) for k, length in enumerate(LENGTHS, 1))
         beside = replace(model, friction=(*model.friction, *memory))
-        other = _DelaySearch(RegressorStream(beside, base_parameters(beside)), plain)
+        other = _DelaySearch(RegressorStream(beside, base_parameters(beside)), plain, search)
         within = [delay.applied for delay in found]
         starts = [tuple(replace(one, applied=share * one.applied) for one in found) for share in STARTS]
         other.move_to(np.array([delay.applied for delay in min(starts, key=other.unseen)]), other.beta)
@@ -154,11 +154,15 @@ class _Step:
 class _DelaySearch:
     """The delays as far as they are known, and the rows of the logs."""
 
-    def __init__(self, regressor: RegressorStream, plain: Sequence[Prepared]) -> None:
+    def __init__(
+        self, regressor: RegressorStream, plain: Sequence[Prepared], before: _DelaySearch | None = None
+    ) -> None:
         self.regressor = regressor
-        self.prepared = [dense_rows(log) for log in plain]
+        self.prepared = [dense_rows(log) for log in plain] if before is None else before.prepared
         self.part = -(-sum(len(log.keep) for log in self.prepared) // MOST)
-        self.rows = [DelayRows(regressor, log, -RANGE, RANGE, self.part) for log in self.prepared]
+        known = [None] * len(plain) if before is None else before.rows
+        pairs = zip(self.prepared, known, strict=True)
+        self.rows = [DelayRows(regressor, log, -RANGE, RANGE, self.part, own) for log, own in pairs]
         self._made: dict[int | tuple[bool, ...], list[Share]] = {}
         self.seconds: Array = np.zeros(len(plain))
         self.beta = _weighted_fit(

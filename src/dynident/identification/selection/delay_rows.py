@@ -101,18 +101,27 @@ class DelayRows:
         part: In which of ``PARTS`` parts of the log each row is, shape (N,).
     """
 
-    def __init__(self, regressor: RegressorStream, prepared: Prepared, low: float, high: float, part: int = 1) -> None:
+    def __init__(
+        self,
+        regressor: RegressorStream,
+        prepared: Prepared,
+        low: float,
+        high: float,
+        part: int = 1,
+        before: DelayRows | None = None,
+    ) -> None:
         log, how = prepared.log, prepared.how
         self.rate, self.low, self.high = log.rate, min(low, -how.trim_s), max(high, how.trim_s)
         time, slack = log.time[prepared.keep], 1e-6 / log.rate
         inside = (time >= log.time[0] - self.low - slack) & (time <= log.time[-1] - self.high + slack)
         inside &= np.arange(len(time)) // STRETCH % part == 0
         self._rows = replace(prepared, keep=prepared.keep[inside])
-        self.columns = regressor.columns
+        self.columns, independent = regressor.columns, regressor.base.independent
+        self._bodies = independent[independent < regressor.model.inertial_count]
         self._known = (np.asarray(log.torque) - target_torque(regressor.model, prepared))[self._rows.keep]
         self.blocks = [np.zeros((len(own), 0)) for own in regressor.columns]
         if len(self._rows.keep):
-            self.blocks = [block[:-1] for block in regressor.rows(self._rows)]
+            self.blocks = self._made(regressor, before)
         keep = self._rows.keep
         self._steep = np.zeros(len(keep), bool)  # where a slope can be told: no gap is near
         reach, step = len(_SLOPE), self._rows.every
@@ -120,6 +129,15 @@ class DelayRows:
         self.counting = counting_rows(regressor.model, self._rows) & self._steep[:, None]
         self.away = self.counting & ~_near_reversal(regressor.model, self._rows)
         self.part = np.arange(len(keep)) * PIECES // max(len(keep), 1) % PARTS
+
+    def _made(self, regressor: RegressorStream, before: DelayRows | None) -> list[Array]:
+        """Return the columns; where rows ``before`` have those of the same bodies, only those of friction are new."""
+        pairs = [] if before is None else [(before._rows.keep, self._rows.keep), (before._bodies, self._bodies)]
+        if before is None or not all(np.array_equal(*pair) for pair in pairs):
+            return [block[:-1] for block in regressor.rows(self._rows)]
+        friction = RegressorStream(regressor.model, regressor.base, only="friction")
+        parts = zip(before.blocks, self.columns, friction.columns, friction.rows(self._rows), strict=True)
+        return [np.concatenate([old[: len(own) - len(some)], new[:-1]]) for old, own, some, new in parts]
 
     def torque(self, delay_s: float) -> Array:
         """Return the torque less the known one that belongs to each row under a delay, shape (N, n)."""
