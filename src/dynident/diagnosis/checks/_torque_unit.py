@@ -21,7 +21,7 @@ UNIT = "torque unit"
 OF_UNIT = tuple(name for name in CONSEQUENCES if name != UNIT)
 
 #: Factor within which the joints ask for one scale: a wrong unit leaves 1.01, one body ten times too heavy 1.5.
-ALIKE = 1.3
+ONE_SCALE = 1.3
 
 #: Times by which a load that is not known, of the arm's own weight at its end, makes torques larger: thrice.
 LOADED = 3.0
@@ -33,7 +33,7 @@ def are_alike(fit: QuickFit, ratios: Array) -> bool:
     A load that is not known, of up to the arm's own weight, makes torques larger, and may do so at all joints alike.
     """
     logs = np.log(ratios[np.isfinite(ratios)])
-    if len(logs) < max(3, fit.moves.sum() / 2) or not np.ptp(logs) < np.log(ALIKE):
+    if len(logs) < max(3, fit.moves.sum() / 2) or not np.ptp(logs) < np.log(ONE_SCALE):
         return False
     return not 0.0 < float(np.median(logs)) < np.log(LOADED * OFF)
 

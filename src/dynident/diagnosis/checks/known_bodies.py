@@ -26,7 +26,7 @@ from dynident.diagnosis.causes.trend_findings import (
     trend_finding,
 )
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends
-from dynident.diagnosis.checks._torque_unit import ALIKE, LOADED, OF_UNIT, UNIT, are_alike, other_unit
+from dynident.diagnosis.checks._torque_unit import LOADED, OF_UNIT, ONE_SCALE, UNIT, are_alike, other_unit
 from dynident.diagnosis.checks._torque_unit import SURE as SURE_OF_SHAPE
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
@@ -119,7 +119,7 @@ def _is_common(blame: Blame, errors: float, beyond: float) -> bool:
     One factor is asked for, so no other causes count: by chance its likelihood is as good once in a thousand logs.
     """
     ratio, half = 1.0 + float(blame.values[0]), float(blame.half_widths[0])
-    is_sure = blame.certainty**2 > SURE_FACTOR and errors < ALIKE - 1.0
+    is_sure = blame.certainty**2 > SURE_FACTOR and errors < ONE_SCALE - 1.0
     return ratio > 0.0 and is_sure and abs(np.log(ratio)) - half / ratio > np.log(beyond)
 
 
@@ -135,7 +135,7 @@ def _unit(against: AgainstBodies) -> list[Finding]:
     ratio = 1.0 + float(blame.values[0])
     fit, ratios = against.fit, nominal_ratios(against.fit, SURE_OF_SHAPE**2)
     told = ratios[np.isfinite(ratios)] / ratio
-    if are_alike(fit, ratios) or not len(told) or told.min() < 1.0 / FAR or np.median(told) > LOADED * ALIKE:
+    if are_alike(fit, ratios) or not len(told) or told.min() < 1.0 / FAR or np.median(told) > LOADED * ONE_SCALE:
         return []
     evidence = (
         f"whatever load the flange carries, the torques are {ratio:.3g} (+- {float(blame.half_widths[0]):.2g}) times "
@@ -159,7 +159,7 @@ def _common(against: AgainstBodies, words: str) -> list[Finding]:
         f"{blame.certainty:.0f}); a log cannot tell this from masses that are all off by as much"
     )
     told = trend_finding(blame, against.fit)
-    severity: Severity = "warning" if _is_common(blame, errors, ALIKE) else "note"
+    severity: Severity = "warning" if _is_common(blame, errors, ONE_SCALE) else "note"
     weighed = "'dynident payload ESTIMATE LOG' of a load that you have weighed tells which: its mass is off by as much"
     if against.fit.effort != "torque":
         weighed = "'dynident gains --load LOG --mass KG' with a load that you have weighed tells which"

@@ -50,7 +50,7 @@ MOST_COUPLED = 5.0
 #: Readings that are told beside the best one at most, where the log does not tell them apart; those that may turn all
 #: of an arm, the likeliest first, and share of the largest gain from which another of these explains the log as well.
 RIVALS = 2
-WHOLE, AS_WELL = ("mounting", "axis sign", "position sign"), 0.9
+TURN_ALL, AS_WELL = ("mounting", "axis sign", "position sign"), 0.9
 
 
 @dataclass(frozen=True)
@@ -227,13 +227,13 @@ def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[f
         bodies = {k: nominal_agreement(fit, proposed[k].reading) for k in told}
         least = max(bodies.values(), default=0.0) - (ALIKE if _is_whole(fit, proposed[best]) else EXPLAINED)
         told = [k for k in told if bodies[k] > least]
-        told = sorted(told, key=lambda k: WHOLE.index(proposed[k].name)) if _is_whole(fit, proposed[best]) else told
+        told = sorted(told, key=lambda k: TURN_ALL.index(proposed[k].name)) if _is_whole(fit, proposed[best]) else told
     return [(gains[k], proposed[k]) for k in told]
 
 
 def _is_whole(fit: QuickFit, reading: Interpretation) -> bool:
     """Return whether a reading turns all of an arm: gravity does what signs do on a symmetrical one."""
-    return reading.name in WHOLE and len(reading.joints) in (0, fit.model.robot.dof)
+    return reading.name in TURN_ALL and len(reading.joints) in (0, fit.model.robot.dof)
 
 
 def _confirmed(

@@ -23,7 +23,7 @@ JITTER = 0.5
 #: Share of the median step by which steps may scatter (root mean square) about whole multiples of it where rows are
 #: missing (steps of any length scatter by 0.29), share of the scatter that is left then at most, and share of missing
 #: rows from which they are a warning.
-WHOLE, MOST, MANY_LOST = 0.15, 0.7, 0.02
+WHOLE_STEPS, MOST, MANY_LOST = 0.15, 0.7, 0.02
 
 #: Share of the steps that are long from which they are no lost rows, but stamps that come in bursts.
 SELDOM = 0.2
@@ -143,7 +143,7 @@ def _lost_rows(steps: np.ndarray, counts: np.ndarray, middle: float) -> list[Fin
     """Return that rows are missing, where ``counts`` times the median step explains most of how the steps scatter."""
     lost, places, most = int(np.sum(counts - 1)), int(np.sum(counts > 1)), int(counts.max()) - 1
     rest, scatter = (float(np.sqrt(np.mean(off**2))) / middle for off in (steps - counts * middle, steps - middle))
-    if not 0 < places < SELDOM * len(steps) or rest > min(WHOLE, MOST * scatter):
+    if not 0 < places < SELDOM * len(steps) or rest > min(WHOLE_STEPS, MOST * scatter):
         return []
     share = lost / (len(steps) + lost)
     where = f"in {places} places, up to {most} in a row" if places > 1 else "in one place"

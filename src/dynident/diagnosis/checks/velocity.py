@@ -21,7 +21,7 @@ SAME, OTHER = 0.9, 0.6
 SCALE = 0.03
 
 #: Ratio off one that is told where all joints have it, and how many of their deviations it must be.
-CLOCK, ALIKE = 1e-3, 4.0
+CLOCK, ALIKE_STD = 1e-3, 4.0
 
 #: Ratios that a unit explains.
 _UNITS = {180.0 / np.pi: "deg/s", 1e3: "mm/s"}
@@ -103,7 +103,7 @@ def _clock(ratio: Array) -> list[Finding]:
         return []
     middle = float(np.median(ratio))
     spread = max(1.4826 * float(np.median(np.abs(ratio - middle))), CLOCK / 10)
-    if abs(middle - 1) < max(CLOCK, ALIKE * spread):
+    if abs(middle - 1) < max(CLOCK, ALIKE_STD * spread):
         return []
     evidence = f"dq of all joints is {middle:.4f} times the derivative of q (+-{spread:.1g})"
     remedy = "the clock of the log may have another rate: log the time of the measurement"
