@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from dynident.actuators.linear_start import (
     free_parameters,
     linear_start,
     refinable,
+    saturated_share,
     start_at,
 )
 from dynident.actuators.output_error import RefineEffort, ServoProblem, log_errors, output_error, refined, starts_from
@@ -36,7 +38,10 @@ from dynident.arrays import Array
 from dynident.errors import LogMismatch
 
 #: Gains that are tried where the gain is free, as multiples of that of the law.
-GAIN_RATIOS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+GAIN_RATIOS = (2.0, 4.0, 8.0, 16.0, 32.0)
+
+#: Gains that are tried about the best of these.
+_NEAR_RATIOS = (0.5**0.25, 2.0**0.25, 2.0**0.5, 2.0**0.75)
 
 #: A gain counts as separable where saturation lowers the error of the roll-outs by this share, and at least this share
 #: of the samples saturates.
@@ -292,23 +297,40 @@ def fit_again(data: JointData, fit: JointFit, most: int, finely: bool = False) -
 
 
 def _gain(data: JointData) -> float:
-    """Return the multiple of the law's gain at which saturation explains the logs; 1 where none does."""
+    """Return the multiple of the law's gain at which saturation explains the logs; 1 where none does.
+
+    Of GAIN_RATIOS the largest that is as good as any, and some about it: a limit that is a little too low lets a weight
+    fall, and one that is too high explains nothing.
+    """
     law = data.law
     if not law.gain_is_free or not np.isfinite(law.limit):
         return 1.0
-    errors: dict[float, float] = {}
-    for ratio in GAIN_RATIOS:
+    errors, shares = dict[float, float](), dict[float, float]()
+
+    def largest_duty_at(ratio: float) -> float:
         own = at_ratio(data, ratio)
-        try:
-            found = linear_start(own.rows, own.train, replace(law, slew_limit=np.inf), FRICTION_MODELS["m1"])
-        except LogMismatch:  # everything saturates
-            break
-        share = float(np.mean(np.concatenate([rolled_out(one, found.parameters).saturated for one in own.train])))
-        if ratio == 1.0 or share > SATURATED:
-            errors[ratio] = found.error
-    best = min(errors, key=lambda ratio: errors[ratio])
-    plain = errors[min(errors)]
-    return best if best != min(errors) and errors[best] < (1.0 - SEPARATES) * plain else 1.0
+        found = linear_start(own.rows, own.train, replace(law, slew_limit=np.inf), FRICTION_MODELS["m1"])
+        rolled = [rolled_out(one, found.parameters).saturated for one in own.train]
+        errors[ratio], shares[ratio] = found.error, float(np.mean(np.concatenate(rolled)))
+        return saturated_share(own.rows, found.parameters)[1]
+
+    largest = largest_duty_at(1.0)
+    plain = errors[1.0]
+    with suppress(LogMismatch):  # everything saturates
+        for ratio in GAIN_RATIOS:
+            if ratio * largest < law.limit:  # nothing saturates
+                errors[ratio], shares[ratio] = plain, 0.0
+            else:
+                largest_duty_at(ratio)
+    most = min(errors.values()) / (1.0 - SEPARATES)
+    first = max(ratio for ratio, error in errors.items() if error <= most)
+    with suppress(LogMismatch):
+        for factor in _NEAR_RATIOS:
+            if first * factor * largest >= law.limit:
+                largest_duty_at(first * factor)
+    seen = {ratio: error for ratio, error in errors.items() if shares[ratio] > SATURATED}
+    best = min(seen, key=lambda ratio: seen[ratio], default=1.0)
+    return best if errors[best] < (1.0 - SEPARATES) * plain else 1.0
 
 
 def at_ratio(data: JointData, ratio: float) -> JointData:
