@@ -114,6 +114,26 @@ def test_logs_that_saturate_throughout_and_times_in_ms_are_told(robot: Robot) ->
     )
 
 
+def test_saturation_between_the_gains_that_are_tried_first(robot: Robot) -> None:
+    """A limit 10 % above the weight, in 6 % of quick moves: at the next power of two the weight would fall."""
+    random, time = np.random.default_rng(3), np.arange(0.0, 14.0, 0.005)
+    command, last, begin = np.zeros(len(time)), 0.0, 0.0
+    while begin < time[-1]:
+        seconds, hold, goal = random.uniform(0.3, 0.7), random.uniform(0.0, 0.5), random.uniform(-1.2, 1.2)
+        share = np.clip((time - begin) / seconds, 0.0, 1.0)
+        smooth = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+        command = np.where(time >= begin, last + (goal - last) * smooth, command)
+        last, begin = goal, begin + seconds + hold
+    true = parameters(full_torque=1.3, back_emf=0.1, viscous=0.01, armature=0.003, delay=0.02, angle_offset=0.0)
+    bench = ServoBench(robot, preset("feetech_sts3215"), jitter_s=5e-4)
+    log = virtual_log(bench, true, time, command, 36.0, np.ones(len(time), dtype=bool))
+    setup = ServoSetup((preset("position_servo"),), COLUMNS, "m1")
+    (joint,) = identify_actuators(robot, setup, [replace(log, kp=float("nan"))]).joints
+    assert joint.has_torque and joint.value("full_torque") == pytest.approx(0.97 * 1.3, rel=5e-3)
+    assert joint.stiffness(1.0) == pytest.approx(1.3 * 36.0 * 0.166, rel=0.01)
+    assert not any("do not follow" in text for text in joint.remarks)
+
+
 def test_a_log_that_is_unlike_the_others_is_named(robot: Robot) -> None:
     """A free swing whose column of the torque is lost; with the column nothing is said."""
     logs = virtual_logs(robot, parameters(), gains=(3.0, 6.0))[:5]

@@ -89,7 +89,8 @@ def _unlike(logs: Sequence[str], bad: BoolArray, shares: Array) -> str:
     return (
         f"roll-outs do not follow {len(found)} of {len(bad)} logs ({', '.join(names)}{more}; up to {most:.0f} % of "
         "the motion missed): was the drive off in a part (servo: {enabled: COLUMN}), another gain set, a load carried, "
-        "an end stop reached, the motor hot? State it, or leave these logs out"
+        "an end stop reached, the motor hot? State it. If not, the logs are right and the model lacks something: wrong "
+        "masses (bodies: plausible finds them), another drive law or friction"
     )
 
 
