@@ -2,11 +2,12 @@
 
 Random arms of :mod:`.clean`, whose drives have a Stribeck effect and friction that grows with the load besides. Each is
 logged as it is, with elastic joints seen at the drives (4 to 12 Hz where the other joints are locked), with the zero of
-one position off by 5 to 15 degrees, with the torque of one joint 4 to 30 ms late or early, and with a ripple of one
-joint, 0.05 to 0.3 of its torque, 5 to 59 cycles a turn (of slides 2 to 12 in the range); and in another motion with the
-zeros of two positions off by 0.5 to 20 degrees, against an estimate from the right log. Counted are the joints that are
-named, those whose 95 % interval holds the truth (of a stiffness, that it is within a factor of three: some rotor
-inertia counts as that of links; of a ripple, amplitude and cycles), and what else is told of these kinds.
+one position off by 5 to 15 degrees, with one position 0.5 to 2 times the right one, with the torque of one joint 4 to
+30 ms late or early, and with a ripple of one joint, 0.05 to 0.3 of its torque, 5 to 59 cycles a turn (of slides 2 to 12
+in the range); and in another motion with the zeros of two positions off by 0.5 to 20 degrees, against an estimate from
+the right log. Counted are the joints that are named, those whose 95 % interval holds the truth (of a stiffness, that it
+is within a factor of three: some rotor inertia counts as that of links; of a ripple, amplitude and cycles), and what
+else is told of these kinds.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ KINDS = {
     "right": "",
     "soft": "joint elasticity",
     "zero": "position zero",
+    "gear": "position scale",
     "late": "torque delay",
     "ripple": "torque ripple",
     "two zeros": "position zero",
@@ -52,7 +54,8 @@ class Moved:
     Attributes:
         model: The robot model that the user has.
         columns: The log.
-        truth: The figure of each joint: compliance, offset of the zero, delay, or amplitude; 0 for none.
+        truth: The figure of each joint: compliance, offset of the zero, share by which it moves farther than its
+            positions say, delay, or amplitude; 0 for none.
         cycles: Cycles a turn of a ripple.
     """
 
@@ -110,6 +113,8 @@ def moved(seed: int, kind: str, run: int = 0) -> Moved:
         figures = compliance
     elif kind == "zero":
         figures[joint] = away * generator.uniform(5, 15) * degrees[joint]
+    elif kind == "gear":
+        figures[joint] = 2.0 ** (away * generator.uniform(0.2, 1.0)) - 1.0
     elif kind == "two zeros":
         both = generator.choice(count, 2, replace=False)
         figures[both] = generator.choice([-1, 1], 2) * 0.5 * 40.0 ** generator.uniform(size=2) * degrees[both]
@@ -131,7 +136,11 @@ def moved(seed: int, kind: str, run: int = 0) -> Moved:
         tau += figures * np.sin(cycles * q + away)
     if kind == "late":
         tau[:, joint] = np.interp(t - figures[joint], t, tau[:, joint])
-    seen = drive(t) - figures * ("zero" in kind) + 1e-5 * generator.normal(size=q.shape)
+    seen = (
+        drive(t) / (1.0 + figures * (kind == "gear"))
+        - figures * ("zero" in kind)
+        + 1e-5 * generator.normal(size=q.shape)
+    )
     names = [body.joint for body in bodies]
     columns = {"t": t, "q": seen, "tau": tau}
     return Moved(urdf("arm", bodies), columns, dict(zip(names, figures.tolist(), strict=True)), cycles)

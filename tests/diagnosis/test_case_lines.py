@@ -134,6 +134,17 @@ def test_zeros_of_several_joints_stand_in_one_line(planar_2r: Robot) -> None:
     assert "log: zero: [0.2, -0.2]" in with_case_line(both[0], columns, planar_2r).remedy
 
 
+def test_a_scale_of_positions_is_counted_from_the_stated_zero_or_by_the_gear(planar_2r: Robot) -> None:
+    names = planar_2r.joint_names
+    columns = ColumnMap(joints=names, q=("a", "b"), torque=("c", "d"), zero=(0.3, -0.2))
+    one = finding("position scale", names[1], value=0.25)
+    remedy = with_case_line(one, columns, planar_2r).remedy
+    assert "(log: units: {position: [rad, 1.25 rad]})" in remedy and "zero" not in remedy
+    geared = planar_2r.with_drives({names[1]: Drive(gear_ratio=-100.0)}, planar_2r.coupling)
+    motors = with_case_line(one, replace(columns, motor=("q",)), geared).remedy
+    assert f"(drives: {{{names[1]}: {{gear_ratio: -80}}}})" in motors
+
+
 def test_units_are_stated_for_all_joints_of_a_kind_with_their_signs(scara: Robot, planar_2r: Robot) -> None:
     columns = ColumnMap(
         joints=scara.joint_names, q=tuple("abcd"), dq=tuple("efgh"), torque=(),

@@ -49,6 +49,32 @@ def test_a_wrong_zero_is_told_with_the_line_that_mends_it(seed: int, tmp_path: P
     assert not [one for one in mended if one.name == "position zero" and abs(one.numbers["value"]) > 0.01]
 
 
+@pytest.mark.parametrize("seed", [3, pytest.param(7, marks=pytest.mark.battery)])
+def test_positions_of_another_scale_are_an_error_with_the_line_that_mends_it(seed: int, tmp_path: Path) -> None:
+    """A wrong gear ratio was told as another scale of torques, as springs and as a slow clock."""
+    log = moved(seed, "gear")
+    (joint,) = (name for name, value in log.truth.items() if value)
+    found = log.told(tmp_path)
+    (scale,) = [one for one in found if one.severity != "note"]
+    assert (scale.severity, scale.name, scale.joint) == ("error", "position scale", joint)
+    assert holds(scale, log.truth[joint])
+    assert scale.numbers["half_width"] < 0.1 * (1.0 + scale.numbers["value"])
+    position = scale.remedy.split("position: [")[1].split("]")[0]
+    text = (tmp_path / "case.yaml").read_text()
+    (stated,) = [line for line in text.splitlines() if line.strip().startswith("position:")]
+    (tmp_path / "case.yaml").write_text(text.replace(stated, f"    position: [{position}]"))
+    mended = examine(read_case(tmp_path / "case.yaml"), str(tmp_path / "run.csv")).findings
+    assert not [one for one in mended if one.severity != "note" or one.name == "position scale"]
+
+
+def test_a_torque_of_another_scale_is_none_of_positions(tmp_path: Path) -> None:
+    log = moved(3, "right")
+    log.columns["tau"] = log.columns["tau"] * [1.0, 1.3, 1.0]
+    found = log.told(tmp_path)
+    assert [one.name for one in found if one.severity == "error"] == ["torque scale"]
+    assert not [one for one in found if one.name == "position scale"]
+
+
 @pytest.mark.parametrize(
     ("seed", "degrees"),
     [(4, {1: -20.0}), (13, {2: -14.0, 3: 1.5}), pytest.param(13, {2: -20.0}, marks=pytest.mark.battery)],

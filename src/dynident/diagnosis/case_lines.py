@@ -64,15 +64,17 @@ def _is_zero(finding: Finding, columns: ColumnMap) -> bool:
 
 def _turned(finding: Finding, columns: ColumnMap, robot: Robot) -> str:
     """Return the line that turns signs or scales back; empty where the finding or the columns do not tell it."""
-    factors = _factors(finding)
-    moved = ("q", "dq", "ddq")
-    turned = {"position sign": moved, "axis sign": (*moved, "torque")}.get(finding.name, ("torque",))
+    factors, moved, is_scale = _factors(finding), ("q", "dq", "ddq"), finding.name == "position scale"
+    of_positions = {"position sign": moved, "position scale": moved, "axis sign": (*moved, "torque")}
+    turned = of_positions.get(finding.name, ("torque",))
     of_motors = robot.is_coupled and not {*turned}.isdisjoint(columns.motor)
     if not factors or not set(factors) <= set(columns.joints) or of_motors:
         return ""
+    if is_scale and "q" in columns.motor and "torque" not in columns.motor:
+        return f"drives: {{{_ratios(robot, factors)}}}"
     units = [_counts(signal, columns, robot, factors) for signal in turned if getattr(columns, signal)]
     lines = [f"log: units: {{{', '.join(units)}}}"] if units else []
-    if columns.zero and "q" in turned:
+    if columns.zero and "q" in turned and not is_scale:
         lines.append(_zeros(columns, {}, factors))
     if "torque" in turned and not columns.torque:
         gains = _gains(robot, factors)
@@ -124,6 +126,8 @@ def _factors(finding: Finding) -> dict[str, float]:
         return dict.fromkeys(names, -1.0)
     if finding.name == "torque scale" and finding.severity == "error" and len(names) == 1:
         return {names[0]: finding.numbers["factor"]} if "factor" in finding.numbers else {}
+    if finding.name == "position scale" and len(names) == 1 and not finding.beside:
+        return {names[0]: 1.0 + finding.numbers["value"]}
     if finding.name == "torque scales":
         return {name: finding.numbers[f"factor {name}"] for name in names}
     return {}
@@ -149,6 +153,12 @@ def _own_units(signal: str, columns: ColumnMap, robot: Robot) -> Iterator[tuple[
 def _counted(count: float, unit: str) -> str:
     """Return a unit behind the number of it that one count is."""
     return unit if count == 1.0 else f"-{unit}" if count == -1.0 else f"{count:.4g} {unit}"
+
+
+def _ratios(robot: Robot, factors: Mapping[str, float]) -> str:
+    """Return the gear ratios of drives whose joints move so many times as far."""
+    ratios = {joint.name: joint.drive.gear_ratio for joint in robot.active}
+    return ", ".join(f"{name}: {{gear_ratio: {ratios[name] / factor:.4g}}}" for name, factor in factors.items())
 
 
 def _gains(robot: Robot, factors: Mapping[str, float]) -> str:

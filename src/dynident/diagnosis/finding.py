@@ -37,6 +37,7 @@ CONSEQUENCES = (
     "joint elasticity",
     "torque hysteresis",
     "position zero",
+    "position scale",
     "time scale",
     "spring",
     "rotor inertia",

@@ -21,7 +21,7 @@ from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, ends, load_columns, own_inertia
 from dynident.diagnosis.causes.known_bodies import LEAST, KnownBodies, NominalBodies
 from dynident.diagnosis.causes.model_error import FitErrors
-from dynident.diagnosis.causes.trends import CURVED, ZERO, Trends
+from dynident.diagnosis.causes.trends import CURVED, STRETCH, ZERO, Trends
 from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
 from dynident.model.lapack import inverse_positive
 
@@ -200,14 +200,15 @@ class Anchored(CauseSearch):
     def _beside_all(self, blame: Blame, k: int, numbers: Sequence[int]) -> Blame:
         """Return one of the causes found, number k, with its figures beside all the others.
 
-        Against a robot model a rotor inertia alone: other causes take errors of its few bodies in. A zero moves the
-        bodies themselves: where these contradict an estimate even so, its interval is wider (Birge 1932).
+        Against a robot model a rotor inertia alone: other causes take errors of its few bodies in. A zero or scale of a
+        position moves the bodies themselves: where these contradict an estimate even so, its interval is wider (Birge
+        1932).
         """
         if isinstance(self._known, NominalBodies) and blame.cause.name != "rotor inertia":
             return blame
         last = blame if k == numbers[-1] else self.beside(numbers, k)[0]
         times = 1.0
-        if blame.cause.name == ZERO:
+        if blame.cause.name in (ZERO, STRETCH):
             after, held = self.fit([*(other for other in numbers if other != k), k]), self._known.places
             told = len(held) - float(np.diag(after.covariance)[held].sum())
             times = max(after.surprise / max(told, 1.0), 1.0)
@@ -291,8 +292,10 @@ class AgainstBodies:
         """The search and what it has found: what acts on the motion about bodies of an estimate at its own figures.
 
         Columns that are straight lines about fitted bodies, which another zero has wrong, hold for small figures alone.
+        Errors of a robot model's bodies pass for positions of another scale, which free bodies tell.
         """
-        causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
+        left_out = (*LEFT_OUT, STRETCH) if isinstance(self.known, NominalBodies) else LEFT_OUT
+        causes = [cause for cause in self._trends.causes if cause.name not in left_out]
         search, known = self._search(causes), dict[tuple[str, str], Blame]()
         found, beta = search.blames(), self.fit.plain.beta.copy()
         beta[self.known.places] = self.known.values

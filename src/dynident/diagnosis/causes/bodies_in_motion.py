@@ -1,4 +1,4 @@
-"""Torques of bodies that move otherwise than the log says: elastic gears, other zeros, another clock, a leaning base.
+"""Torques of bodies that move otherwise than the log says: elastic gears, other zeros and scales, a clock, a lean.
 
 Each is linear in its figure for a small one, a column of the fit. With a figure the column is a secant: that figure
 times it is the torque that is added, however large.
@@ -6,6 +6,7 @@ times it is the torque that is added, however large.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +16,11 @@ from dynident.data.log import Log
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
 from dynident.model.kernels.batched import weight_torques
 
-#: Steps of the finite differences: of positions in rad or m, and by the clock, a share.
-SHIFT, CLOCK_STEP = 1e-3, 1e-3
+#: Steps of the finite differences: of positions in rad or m, of their scale and by the clock, shares.
+SHIFT, STRETCH_STEP, CLOCK_STEP = 1e-3, 1e-3, 1e-3
+
+#: Signals of a motion, each the derivative of the one before.
+MOTION = ("q", "dq", "ddq")
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,11 @@ class BodiesInMotion:
         step = offset or SHIFT
         return (self._torque(self.moved(joint, step)) - self.rigid) / step
 
+    def stretched(self, joint: int, zero: float, share: float = 0.0) -> Array:
+        """Return the torque by positions that are larger by a share, over it, shape (N, n); see :meth:`scaled`."""
+        step = share or STRETCH_STEP
+        return (self._torque(self.scaled(joint, zero, step)) - self.rigid) / step
+
     def late(self, joint: int, delay: float = 0.0) -> Array:
         """Return what a delay of one joint's torque adds over its seconds, shape (N, n)."""
         column, own, time = np.zeros_like(self.rigid), self.rigid[:, joint], np.asarray(self.log.time)
@@ -74,13 +83,24 @@ class BodiesInMotion:
         q[:, joint] += offset
         return replace(self.log, q=q)
 
+    def scaled(self, joint: int, zero: float, share: float) -> Log:
+        """Return the motion where a joint is farther by a share from where its log says 0, at position ``zero``."""
+        q, dq, ddq = (np.asarray(getattr(self.log, name))[:, joint] for name in MOTION)
+        return self._with(joint, [share * (q - zero), share * dq, share * ddq])
+
     def _bent(self, joint: int, shift: Array) -> Log:
         """Return the motion where the position of a joint is larger by ``shift`` (N,)."""
-        moved, time = {}, np.asarray(self.log.time)
-        for name in ("q", "dq", "ddq"):
-            values = np.array(getattr(self.log, name))
-            values[:, joint] += shift
-            moved[name], shift = values, np.gradient(shift, time)
+        time, shifts = np.asarray(self.log.time), [shift]
+        for _ in MOTION[1:]:
+            shifts.append(np.gradient(shifts[-1], time))
+        return self._with(joint, shifts)
+
+    def _with(self, joint: int, shifts: Sequence[Array]) -> Log:
+        """Return the motion where position, velocity and acceleration of a joint are larger by as much, (N,) each."""
+        moved = {}
+        for name, shift in zip(MOTION, shifts, strict=True):
+            moved[name] = np.array(getattr(self.log, name))
+            moved[name][:, joint] += shift
         return replace(self.log, **moved)
 
     def _torque(self, log: Log) -> Array:

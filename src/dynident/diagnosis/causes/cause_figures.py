@@ -28,6 +28,9 @@ PULLS = ("spring", "counterbalance")
 #: Steps in which columns are made again for figures: what is late is known from the step before.
 STEPS = 3
 
+#: Fall of the sum of log variances from which one of several causes is tried beside others.
+WORTH = 0.3
+
 #: Makes the columns of causes with the base parameters of a fit, shape (b,), and the values of each, shape (k,).
 Again: TypeAlias = Callable[[Sequence[Cause], Array, Sequence[Array]], list[Cause]]
 
@@ -73,6 +76,23 @@ def _together(rows: CauseRows, blame: Blame, every: Sequence[Blame]) -> float:
     torque = np.sum([np.tensordot(one.values, one.cause.columns, 1) for one in same], axis=0)
     sums = [np.sum(np.where(rows.masks, each, 0.0) ** 2, axis=0) for each in (torque, rows.measured)]
     return float(np.sqrt(np.max(sums[0] / np.maximum(sums[1], 1e-300))))
+
+
+def with_likeliest(search: CauseSearch, causes: Sequence[Cause]) -> CauseSearch:
+    """Return a search with the one of some causes that alone explains the log best, where it does better than others.
+
+    Else it would take in a little of what other causes do. Curves of friction stand beside any cause.
+    """
+    rows, own = search.rows, CauseSearch(search.rows, causes, search.rows.shared)
+    plain = np.log(own.fit([]).variances)
+    falls = [plain - np.log(own.fit([k]).variances) for k in range(len(causes))]
+    best = max(range(len(causes)), key=lambda k: float(rows.worth @ falls[k]), default=None)
+    if best is None or falls[best].sum() < WORTH:
+        return search
+    others = (k for k, cause in enumerate(search.causes) if cause.name != "friction curve")
+    if any(rows.worth @ (plain - np.log(search.fit([k]).variances) - falls[best]) > 0.0 for k in others):
+        return search
+    return CauseSearch(rows, (*search.causes, causes[best]), rows.shared)
 
 
 def figure_beside(rows: CauseRows, causes: Sequence[Cause], more: Cause, error: ModelError) -> tuple[float, float]:

@@ -90,6 +90,7 @@ class QuickFit:
         conversion: What turns currents into these torques, N m (or N) per A, shape (n, n); None for logged torques.
         late_s: Delay of the torque in s that is taken off: each row has the torque of so much later.
         made: All rows of the log, which another fit of it has made; None where there are none.
+        zeros: Position in rad or m of each joint where its log says 0; empty for 0.
     """
 
     model: DynamicModel
@@ -102,6 +103,7 @@ class QuickFit:
     conversion: Array | None = None
     late_s: float = 0.0
     made: FitRows | None = None
+    zeros: tuple[float, ...] = ()
 
     def part(self, counting: BoolArray) -> QuickFit:
         """Return the fit of some of its rows, shape (N,)."""
@@ -116,6 +118,18 @@ class QuickFit:
         """Return the fit with the torque of so many seconds later."""
         late = replace(self, late_s=seconds)
         return replace(late, made=replace(self._every, torque=late._torque(self._every.prepared)))
+
+    def stretched(self, joint: int, factor: float) -> QuickFit:
+        """Return the fit with a joint's positions so many times as far from where its log says 0, in the same rows."""
+        q, zero = np.array(self.log.q), self.zero_of(joint)
+        q[:, joint] = zero + factor * (q[:, joint] - zero)
+        log, every = replace(self.log, q=q), self._every
+        made = self._rows(preprocess(log, self.how), self.regressor)
+        return replace(self, log=log, made=replace(made, masks=every.masks))
+
+    def zero_of(self, joint: int) -> float:
+        """Return the position in rad or m of a joint where its log says 0."""
+        return self.zeros[joint] if self.zeros else 0.0
 
     def clock(self, time: Array) -> Array:
         """Return times (N,) in s since their own log began, shape (N,)."""

@@ -52,9 +52,16 @@ def thin_fit(case: Case, log: Log) -> QuickFit | None:
     )
     try:
         thin = thinned_log(log, SAMPLES_PER_HZ * cutoff, case.preprocessing.longest_gap_s)
-        return QuickFit(model, base_parameters(model), thin, how, conversion=_conversion(case.robot, log))
+        conversion, zeros = _conversion(case.robot, log), _zeros(case)
+        return QuickFit(model, base_parameters(model), thin, how, conversion=conversion, zeros=zeros)
     except DynidentError:
         return None
+
+
+def _zeros(case: Case) -> tuple[float, ...]:
+    """Return the position in rad or m of each joint where its log says 0; nothing where all are 0."""
+    own = dict(zip(case.columns.joints or case.robot.joint_names, case.columns.zero, strict=False))
+    return tuple(own.get(name, 0.0) for name in case.robot.joint_names) if own else ()
 
 
 def _conversion(robot: Robot, log: Log) -> Array | None:

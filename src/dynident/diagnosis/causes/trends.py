@@ -12,7 +12,7 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.diagnosis.causes.bodies_in_motion import BodiesInMotion, lean_torques
 from dynident.diagnosis.causes.cause_columns import CauseRows
-from dynident.diagnosis.causes.cause_figures import about_their_bodies, figure_beside, figured
+from dynident.diagnosis.causes.cause_figures import about_their_bodies, figure_beside, figured, with_likeliest
 from dynident.diagnosis.causes.cause_search import CHANCE, Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import frame_errors
 from dynident.diagnosis.causes.frame_search import AXES, axes_off, blames_beside_frames, corrected
@@ -24,7 +24,7 @@ from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.residuals.quantiles import chi_square_tail
 
 #: Causes of one joint that act on the motion, for which straight lines do not hold far.
-CURVED = ELASTIC, ZERO, DELAY = "joint elasticity", "position zero", "torque delay"
+CURVED = ELASTIC, ZERO, STRETCH, DELAY = "joint elasticity", "position zero", "position scale", "torque delay"
 
 #: Hysteresis of a torque, and the rate of the torque, over its standard deviation, at which it turns over; friction
 #: that fades with speed, and the speed in rad/s, of slides less.
@@ -168,7 +168,12 @@ class Trends:
 
     @cached_property
     def _tangents(self) -> CauseSearch:
-        return CauseSearch(self.rows, tuple(self._tried()), self.rows.shared)
+        search = CauseSearch(self.rows, tuple(self._tried()), self.rows.shared)
+        if self._logged is not None:
+            return search
+        names = np.array(self.fit.model.robot.joint_names)[judged(self.fit.rows.masks)].tolist()
+        scaled = [self._by_motion(STRETCH, name, self._motion) for name in names]
+        return with_likeliest(search, self._filtered(scaled))
 
     def _tried(self) -> Iterator[Cause]:
         """Yield the causes that are tried, filtered as the torques are."""
@@ -242,8 +247,8 @@ class Trends:
     ) -> list[Cause]:
         """Return the same causes, those that act on the motion about bodies of other base parameters, (b,).
 
-        Each of these is a secant up to its values, (k,), where the zeros before it are moved by theirs: together they
-        are exact. A delay of one joint moves its friction too, ``with_friction``, as a fit with it alone has that.
+        Each of these is a secant up to its values, (k,), where the zeros and scales before it have theirs: together
+        they are exact. A delay of one joint moves its friction too, ``with_friction``, as a fit with it alone has that.
         """
         made, log = list[Cause](), self._log
         for cause, own in zip(causes, values, strict=True):
@@ -253,9 +258,13 @@ class Trends:
                 late = with_friction and cause.name == DELAY
                 friction = CauseSearch(self.rows, [cause]).fit([0]).beta[: self.rows.size] if late else 0.0
                 motion = self._motion_of(beta, friction, log)
-                column = self._by_motion(cause.name, cause.joint, motion, float(own[0]))
+                value = float(own[0])
+                column = self._by_motion(cause.name, cause.joint, motion, value)
                 if cause.name == ZERO:
-                    log = motion.moved(self._number(cause.joint), float(own[0]))
+                    log = motion.moved(self._number(cause.joint), value)
+                elif cause.name == STRETCH:
+                    place = self._number(cause.joint)
+                    log = motion.scaled(place, self.fit.zero_of(place), value)
             else:
                 made.append(cause)
                 continue
@@ -270,9 +279,11 @@ class Trends:
         """
         if name == "time scale":
             return _cause(name, "", motion.clock())
+        place = self._number(joint)
+        if name == STRETCH:
+            return _cause(name, joint, motion.stretched(place, self.fit.zero_of(place), value))
         make = {ELASTIC: motion.elastic, ZERO: motion.zero, DELAY: motion.late}[name]
-        column = make(self._number(joint), value)
-        return replace(_cause(name, joint, column), is_positive=name == ELASTIC)
+        return replace(_cause(name, joint, make(place, value)), is_positive=name == ELASTIC)
 
     def _number(self, joint: str) -> int:
         return self.fit.model.robot.joint_names.index(joint)
@@ -281,6 +292,10 @@ class Trends:
         """Return a motion with the bodies of base parameters, shape (b,), and the friction of others, or none."""
         both = np.where(self.fit.base.is_friction, friction, beta)
         return BodiesInMotion.of_bodies(self.fit.regressor, log, both)
+
+    def stretch(self, joint: str) -> Cause:
+        """Return the positions of a joint in another scale, as a straight line about the fitted bodies."""
+        return self._filtered([self._by_motion(STRETCH, joint, self._motion)])[0]
 
     @cached_property
     def _motion(self) -> BodiesInMotion:

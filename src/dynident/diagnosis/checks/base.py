@@ -15,11 +15,12 @@ from dynident.arrays import BoolArray
 from dynident.case.case import Case
 from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
+from dynident.diagnosis.causes.position_scale import PositionScale, position_scale
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.saturated_rows import saturated_rows, without_saturation
 from dynident.diagnosis.causes.thin_fit import beyond_quick_fit, thin_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, other_scales
-from dynident.diagnosis.causes.trends import Trends
+from dynident.diagnosis.causes.trends import STRETCH, Trends
 from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import Recording
 from dynident.errors import DynidentError
@@ -85,8 +86,19 @@ class CheckedLog:
 
     @cached_property
     def sure_scale(self) -> JointScale | None:
-        """The likeliest scale that is another one for sure; None where none is."""
+        """The likeliest scale that is another one for sure; None where none is, or one of positions is likelier."""
+        if self.stretched is not None:
+            return None
         return next((scale for scale in other_scales(self.scales) if self.fit and is_sure(self.fit, scale)), None)
+
+    @cached_property
+    def stretched(self) -> PositionScale | None:
+        """The scale of one joint's positions that explains the log, better than one of its torques; None for none."""
+        causes = () if self.trends is None else self.trends.causes
+        joint = next((cause.joint for cause in causes if cause.name == STRETCH), "")
+        if self.fit is None or not joint:
+            return None
+        return position_scale(self.fit, joint, next(iter(other_scales(self.scales)), None))
 
     @cached_property
     def delay(self) -> DelayRecord | None:

@@ -15,16 +15,8 @@ from dynident.diagnosis.causes.known_bodies import NominalBodies, nominal_bodies
 from dynident.diagnosis.causes.position_spectrum import RIPPLE
 from dynident.diagnosis.causes.several_scales import nominal_ratios
 from dynident.diagnosis.causes.thin_fit import asked_inertias
-from dynident.diagnosis.causes.trend_findings import (
-    NARROW,
-    TOLD,
-    TRENDS,
-    Z95,
-    believed,
-    standing,
-    sureness,
-    trend_finding,
-)
+from dynident.diagnosis.causes.trend_findings import TOLD, believed, standing, sureness, trend_finding
+from dynident.diagnosis.causes.trend_texts import NARROW, TRENDS, Z95
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends
 from dynident.diagnosis.checks._torque_unit import LOADED, OF_UNIT, ONE_SCALE, UNIT, are_alike, other_unit
 from dynident.diagnosis.checks._torque_unit import SURE as SURE_OF_SHAPE

@@ -72,7 +72,9 @@ class Readings(Check):
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [driven_joints(positions, share, z)]
         found = _confirmed(positions, _candidates(positions, feeds), everywhere=False)
-        scale = subject.sure_scale
+        stretched, scale = subject.stretched, subject.sure_scale
+        if stretched and stretched.is_sure and (not found or stretched.gain > found[0][0]):
+            found = [(stretched.gain, stretched.reading)]
         if found and scale and scale.gain > found[0][1].gain:
             found = []  # one torque of another unit upsets the others: that check tells it
         if found:
@@ -134,8 +136,7 @@ def _reading_finding(found: Sequence[tuple[float, Interpretation]]) -> Finding:
             of = f"the same {rival.evidence.rstrip(',')}"
         evidence += f"; not distinguishable from {of}: {rival.remedy}"
     numbers = {"gain": gain, **best.numbers}
-    explains = tuple(name for name in READING_CONSEQUENCES if name != best.name)
-    return Finding("error", best.name, listed(best.joints), evidence, best.remedy, numbers, explains)
+    return Finding("error", best.name, listed(best.joints), evidence, best.remedy, numbers, READING_CONSEQUENCES)
 
 
 def frames_off(earlier: Robot, robot: Robot) -> str:

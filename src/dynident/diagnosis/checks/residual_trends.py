@@ -12,14 +12,8 @@ from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.gravity_direction import LEAN
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import GAIN, SURE, held_out_gain
-from dynident.diagnosis.causes.trend_findings import (
-    TRENDS,
-    believed,
-    is_narrow,
-    rival_findings,
-    standing,
-    trend_finding,
-)
+from dynident.diagnosis.causes.trend_findings import believed, is_narrow, rival_findings, standing, trend_finding
+from dynident.diagnosis.causes.trend_texts import TRENDS
 from dynident.diagnosis.causes.trends import DELAY, ZERO
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import EXPLAINED, Finding

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.diagnosis.causes.trend_findings import Z95
+from dynident.diagnosis.causes.trend_texts import Z95
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
 

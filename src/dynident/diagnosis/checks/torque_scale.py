@@ -98,7 +98,7 @@ def _through_gears(subject: CheckedLog, fit: QuickFit) -> Array | None:
 
 def _one_joint(subject: CheckedLog, found: Sequence[JointScale]) -> list[Finding]:
     """Return the joint whose torque fits the others best with another scale, and those that explain it as well."""
-    if not found:
+    if not found or subject.stretched is not None:  # its positions are in another scale
         return []
     best = found[0]
     evidence = f"with its torque multiplied by {_interval(best)}, {variance_falls(best.gain)}"
