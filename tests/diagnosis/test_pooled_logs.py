@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.faults import injections as put
-from benchmarks.faults.trials import Trial, virtual
+from benchmarks.faults.trials import Trial, smooth_motion, virtual
 
 from dynident.case.case import Case
 from dynident.diagnosis.causes.pooled_logs import pooled_fit, pooled_logs
@@ -231,6 +231,31 @@ def test_logs_with_and_without_a_tool_are_an_error_and_friction_of_another_day_i
         found = examine_logs(case, written([trials[0], second, trials[2]][:count], tmp_path))
         told = [one for each in found for one in each.findings if one.name == "unlike other logs"]
         assert len(told) == (2 if count == 2 else 1) and {one.severity for one in told} == {severity}
+
+
+@pytest.mark.parametrize(("mass", "severity"), [(0.0, "note"), (2.0, "error")])
+def test_friction_at_far_other_speeds_is_a_note_and_a_tool_is_none(
+    mass: float, severity: str, trials: list[Trial], tmp_path: Path
+) -> None:
+    """A slow joint has friction that plain friction of faster ones lacks; it had been a warning."""
+    case, generator = trials[0].case, np.random.default_rng(3)
+    last = case.robot.links[-1]
+    assert last.inertia is not None
+    body = Inertia.from_centre_of_mass(mass, np.array([0.05, 0.1, -0.1]), 0.001 * mass * np.eye(3))
+    robot = replace(case.robot, links=(*case.robot.links[:-1], replace(last, inertia=last.inertia + body)))
+    model, (t, fast) = replace(case.model, robot=robot), smooth_motion(case, 1)
+    theta, share = model.nominal(), np.array([1.0, 1.0, 0.05])
+    assert theta is not None
+    middle = fast.q.mean(axis=0)
+    motion = Motion(middle + share * (fast.q - middle), share * fast.dq, share * fast.ddq)
+    tau = model.torque(motion, theta)
+    tau = tau + 0.02 * tau.std(axis=0) * generator.normal(size=tau.shape)
+    tau[:, 2] += 6.0 * np.tanh(motion.dq[:, 2] / 0.01)
+    slow = Trial(case, {"t": t, "q": motion.q + 2e-5 * generator.normal(size=tau.shape), "dq": motion.dq, "tau": tau})
+    found = examine_logs(case, written([trials[0], slow], tmp_path))
+    told = [one for each in found for one in each.findings if one.name == "unlike other logs"]
+    assert {one.severity for one in told} == {severity}
+    assert any("friction of its own explains it" in one.evidence for one in told) == (severity == "note")
 
 
 @pytest.mark.parametrize("factor", [0.45, 1.6, 2.2])

@@ -290,10 +290,10 @@ def _of_fits(checks: Sequence[Check], group: Sequence[_ExaminedLog]) -> _PartOfL
     if not any(finding.severity == "error" for finding in (*own, *told)):  # else that is why logs differ
         for k in apart if len(pooled.ratios) else ():
             if pooled.ratios[k].max() > UNLIKE:
-                is_error = k in pooled.contradicts and group[k].learns
-                group[k].found.append(
-                    unlike_finding(group[k].subject.case.robot, pooled.ratios[k], bool(together), why, is_error)
-                )
+                is_error, robot = k in pooled.contradicts and group[k].learns, group[k].subject.case.robot
+                is_speed = k in pooled.other_speeds
+                found = unlike_finding(robot, pooled.ratios[k], bool(together), why, is_error, is_speed)
+                group[k].found.append(found)
     if len(group) == 1:
         return _PartOfLogs((), group[0].found, group[0].subject.fit)
     return _PartOfLogs(together, told, pooled.fit)

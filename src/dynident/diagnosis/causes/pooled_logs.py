@@ -18,6 +18,7 @@ from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
 from dynident.diagnosis.causes.weighted_fit import TargetProducts
 from dynident.diagnosis.finding import UNLIKE_OTHERS, Finding, Severity
+from dynident.identification.problem.regressor_stream import motion_of
 from dynident.model.robot import Robot
 
 #: Residual variance of a joint under the parameters of all logs, over that under those of its own log, freedoms taken
@@ -27,6 +28,9 @@ UNLIKE = 4.0
 #: Share of a joint's torque that bodies of the other logs leave, and times what bodies of its own do, from which a log
 #: contradicts them.
 MUCH, FAR = 0.05, 10.0
+
+#: Ratio of a joint's root mean square speeds in two logs from which friction of the one need not hold in the other.
+OTHER_SPEED = 5.0
 
 #: Times by which parameters of the other logs raise the residual of a log from which that is a warning; and from which
 #: it is one whatever else is found: a cause that all logs share raises the residual of their own parameters as well.
@@ -90,12 +94,14 @@ class AlikeLogs:
         ratios: The residual variance of each log and joint under the parameters of these, over that under the log's
             own, shape (L, n): 1 where a log has too few rows of a joint to tell. Empty where nothing was compared.
         contradicts: Numbers of the others whose bodies contradict those of these, or of all where no two are alike.
+        other_speeds: Numbers of the others whose friction alone differs, at joints of other speeds.
     """
 
     fit: QuickFit | None = None
     together: tuple[int, ...] = ()
     ratios: Array = field(default_factory=lambda: np.zeros((0, 0)))
     contradicts: tuple[int, ...] = ()
+    other_speeds: tuple[int, ...] = ()
 
 
 def pooled_logs(fits: Sequence[QuickFit | None]) -> AlikeLogs:
@@ -115,12 +121,14 @@ def pooled_logs(fits: Sequence[QuickFit | None]) -> AlikeLogs:
     ratios = np.ones((len(fits), told.shape[1]))
     ratios[there] = told
     others = kept if kept.any() else np.ones(len(kept), bool)
-    contradicts = tuple(there[k] for k in np.flatnonzero(~kept).tolist() if _contradicts(pooled, k, others))
+    apart = {k: _with_own_friction(pooled, k, others) for k in np.flatnonzero(~kept).tolist()}
+    contradicts = tuple(there[k] for k, own in apart.items() if own.contradicts)
+    speeds = tuple(there[k] for k, own in apart.items() if own.explains and _has_other_speeds(pooled, k, told[k]))
     if kept.sum() < 2:
-        return AlikeLogs(ratios=ratios, contradicts=contradicts)
+        return AlikeLogs(ratios=ratios, contradicts=contradicts, other_speeds=speeds)
     chosen = [k for k, keep in enumerate(kept) if keep]
     fit = pooled if kept.all() else pooled_fit([known[k] for k in chosen])
-    return AlikeLogs(fit, tuple(there[k] for k in chosen), ratios, contradicts)
+    return AlikeLogs(fit, tuple(there[k] for k in chosen), ratios, contradicts, speeds)
 
 
 def alike_parts(fits: Sequence[QuickFit]) -> tuple[BoolArray, Array]:
@@ -132,7 +140,9 @@ def alike_parts(fits: Sequence[QuickFit]) -> tuple[BoolArray, Array]:
     return _alike(fits[0], [TargetProducts.summed(_products(fit)) for fit in fits])
 
 
-def unlike_finding(robot: Robot, ratios: Array, others_agree: bool, why: bool, is_error: bool = False) -> Finding:
+def unlike_finding(
+    robot: Robot, ratios: Array, others_agree: bool, why: bool, is_error: bool = False, is_speed: bool = False
+) -> Finding:
     """Return what is said of a log that parameters of others do not explain.
 
     Args:
@@ -141,6 +151,7 @@ def unlike_finding(robot: Robot, ratios: Array, others_agree: bool, why: bool, i
         others_agree: Whether the other logs, or some of them, have the same parameters.
         why: Whether there is another cause that may be why.
         is_error: Whether its bodies contradict theirs, where it is one to learn from.
+        is_speed: Whether friction of its own explains it, at joints of other speeds.
     """
     times = np.sqrt(ratios)
     joint = int(np.argmax(times))
@@ -152,10 +163,14 @@ def unlike_finding(robot: Robot, ratios: Array, others_agree: bool, why: bool, i
         f"make sure that {same} are those of the other logs, and that the friction model holds at its speeds; else "
     )
     remedy += "give it a case of its own"
-    if is_apart := times[joint] > UNLIKE_BY_FAR or is_error:
+    is_apart = bool(times[joint] > UNLIKE_BY_FAR or is_error)
+    if is_speed:
+        evidence += "; it moves far slower or faster there, and friction of its own explains it"
+        remedy = "state friction that holds at these speeds, such as stribeck (friction: auto chooses), or leave it so"
+    elif is_apart:
         remedy = f"do not fit it with the others: give it a case of its own, or make {same} those of the others; "
         remedy += "'dynident payload ESTIMATE LOG' weighs a tool, by an estimate without it"
-    is_warning = is_apart or (times[joint] > UNLIKE_GRAVELY and not why)
+    is_warning = not is_speed and (is_apart or (times[joint] > UNLIKE_GRAVELY and not why))
     severity: Severity = "error" if is_error else "warning" if is_warning else "note"
     name, numbers = robot.joint_names[joint], {"times": float(times[joint])}
     return Finding(severity, UNLIKE_OTHERS, name, evidence, remedy, numbers)
@@ -182,12 +197,30 @@ def _alike(fit: QuickFit, logs: Sequence[TargetProducts]) -> tuple[BoolArray, Ar
     return (kept if ratios[kept].max() <= UNLIKE else np.zeros(len(logs), bool)), ratios
 
 
-def _contradicts(fit: QuickFit, k: int, others: BoolArray) -> bool:
-    """Return whether the bodies of log k of a pooled fit surely are others than those of the ``others`` (L,).
+@dataclass(frozen=True)
+class _OwnFriction:
+    """A log under bodies that it shares with others, with friction and offsets of its own, as of another day.
 
-    Friction and offsets of the log are its own, as of another day. What one fit of the bodies leaves in it is much of a
-    joint's torque then, and far more than with bodies of its own.
+    Attributes:
+        explains: Whether that explains it about as well as bodies of its own.
+        contradicts: Whether its bodies surely are others: what is left is much of a joint's torque, and far more than
+            with bodies of its own.
     """
+
+    explains: bool
+    contradicts: bool
+
+
+def _has_other_speeds(fit: QuickFit, k: int, ratios: Array) -> bool:
+    """Return whether joints at which log k of a fit is unlike the others, by ``ratios`` (n,), have far other speeds."""
+    speeds, here = motion_of(fit.rows.prepared.kept).dq ** 2, _which(fit) == k
+    own, others = (np.mean(speeds[part], axis=0) for part in (here, ~here))
+    apart = np.abs(np.log(np.maximum(own, 1e-300) / np.maximum(others, 1e-300))) > 2.0 * np.log(OTHER_SPEED)
+    return bool(np.all(apart[ratios > UNLIKE]))
+
+
+def _with_own_friction(fit: QuickFit, k: int, others: BoolArray) -> _OwnFriction:
+    """Return what bodies of the ``others`` (L,) and friction of its own leave of log k of a pooled fit."""
     rows, which, size = fit.rows, _which(fit), fit.base.count
     here = which == k
     masks, used = rows.masks & here[:, None], here | others[which]
@@ -205,7 +238,8 @@ def _contradicts(fit: QuickFit, k: int, others: BoolArray) -> bool:
     torque = np.where(masks, rows.torque, 0.0)
     size_of = np.sum(torque**2, axis=0) / counts - (torque.sum(axis=0) / counts) ** 2
     tells = counts / OVERSAMPLING > 2.0 * np.array([len(own) for own in columns])
-    return bool(np.any(tells & (shared > MUCH**2 * size_of) & (shared > FAR**2 * alone)))
+    contradicts = tells & (shared > MUCH**2 * size_of) & (shared > FAR**2 * alone)
+    return _OwnFriction(not np.any(tells & (shared > UNLIKE * alone)), bool(contradicts.any()))
 
 
 def _which(fit: QuickFit) -> IntArray:
