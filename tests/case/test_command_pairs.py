@@ -95,6 +95,19 @@ def test_init_drafts_servos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert "no torques and no currents: the case is for the actuators" in text
 
 
+@pytest.mark.parametrize(("largest", "is_asked"), [(60.0, True), (130.0, False)])
+def test_positions_of_lerobot_within_100_may_be_percent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, largest: float, is_asked: bool
+) -> None:
+    """They are no likely degrees then: the stiffness follows which of both they are."""
+    monkeypatch.chdir(tmp_path)
+    write_arm(MOTORS)
+    text = drafted(np.array([largest, 40.0, 50.0, 45.0]), np.zeros(4))
+    (line,) = [line for line in text.splitlines() if line.startswith("    position:")]
+    assert ("percent of the calibrated range" in line and "lerobot-calibrate" in line) == is_asked
+    assert line.endswith("likely deg") != is_asked
+
+
 def test_a_gripper_in_percent_is_asked_for_and_a_load_is_no_torque(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -102,9 +115,9 @@ def test_a_gripper_in_percent_is_asked_for_and_a_load_is_no_torque(
     write_arm(MOTORS)
     degrees, loads = np.array([60.0, 40.0, 50.0, 45.0]), tuple(f"observation.state.{name}.load" for name in MOTORS)
     text = drafted(degrees, np.array([0.0, 0.0, 0.0, 50.0]), loads)
-    (line,) = [line for line in text.splitlines() if "calibration" in line]
+    (line,) = [line for line in text.splitlines() if line.startswith("  calibration")]
     assert line.startswith("  calibration: ask   # ask: observation.state.gripper.pos runs from ")
     assert "\nservo:" in text and "no torques and no currents" not in text
     assert "not read: observation.state.shoulder_pan.load, " in text and "shares of its drive, no torques" in text
-    assert "calibration" not in drafted(degrees, np.zeros(4))  # a gripper that turns below 0 is in degrees
+    assert "\n  calibration" not in drafted(degrees, np.zeros(4))  # a gripper that turns below 0 is in degrees
     assert "calibration" not in drafted(0.01 * degrees, np.array([0.0, 0.0, 0.0, 0.5]))  # rad

@@ -93,6 +93,18 @@ def _may_be_shares(found: Recognised) -> bool:
     return is_servo_log(found) and all(np.nanmax(np.abs(one.signals["q"])) <= SHARES for one in found.readings)
 
 
+def _of_shares(found: Recognised) -> str:
+    """Return what is said of positions under the names of LeRobot that may be shares; nothing of others."""
+    names = found.sources["q"].columns + found.sources["q_ref"].columns if "q_ref" in found.sources else ()
+    if not any(name.startswith(("observation.", "action")) for name in names) or not _may_be_shares(found):
+        return ""
+    return (
+        "; by its names a recording of LeRobot, and none is beyond 100: percent of the calibrated range or degrees? As "
+        "percent take this line out and name the JSON of lerobot-calibrate (servo: {calibration: FILE}); neither "
+        "limits nor motion tell them apart"
+    )
+
+
 def _profile_gaps(found: Recognised) -> list[str]:
     """Return what the profile does not say: units that only the user knows, and the missing effort."""
     lines = []
@@ -245,7 +257,9 @@ def _units(found: Recognised) -> list[str]:
             signal = {"time": "time", "position": "q", "torque": "torque"}.get(key, key)
             what = found.time if key == "time" else found.sources[signal].shown()
             other = _other_kind(found, key) if found.structure is not None else ""
-            lines.append(asked(f"    {key}", f"the unit of {what} ({choices[key]}): {told.why}{other}", told.text))
+            shares = _of_shares(found) if key == "position" and not told.from_header else ""
+            text = f"the unit of {what} ({choices[key]}): {told.why}{shares or other}"
+            lines.append(asked(f"    {key}", text, "" if shares else told.text))
     return lines if len(lines) > 1 else []
 
 
