@@ -12,7 +12,7 @@ from benchmarks.servo_bodies import disturbed
 from servo_bench import CASE_OF_LOGS, PENDULUM, fill, parameters, pendulum, virtual_logs
 
 from dynident.actuators.direction_search import turned_over
-from dynident.actuators.directions import AXIS, POSITION, LogTorques, Turned, compared
+from dynident.actuators.directions import AXIS, ORDER, POSITION, LogTorques, Turned, compared
 from dynident.actuators.drive_law import preset
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_log import ServoColumns, ServoLog, ServoSetup
@@ -82,6 +82,17 @@ def test_the_axis_of_an_arm_is_named(arm: VirtualArm, logs: list[ServoLog], join
     found = turned_over(robot, [turned(log, AXIS, joint) for log in logs])
     (best,) = found  # base and wrist of the same axis explain each other nearly as well
     assert (AXIS, joint) in ((best.kind, best.joint), *best.others)
+
+
+def test_joints_that_are_exchanged_are_named(arm: VirtualArm, logs: list[ServoLog]) -> None:
+    """Not by zeros of their encoders, with bodies of the robot model that are 30 % off."""
+    robot, order = disturbed(arm.robot, np.random.default_rng(0)), [0, 4, 2, 3, 1, 5]
+    exchanged = [replace(log, q=log.q[:, order], q_ref=log.q_ref[:, order]) for log in logs]
+    (found,) = turned_over(robot, exchanged)
+    assert (found.kind, found.joint, found.others) == (ORDER, 1, ((ORDER, 4),)) and not found.is_zero
+    names = robot.joint_names
+    assert found.remark(names).startswith(f"another order: {names[1]} and {names[4]} are exchanged")
+    assert "log: columns: q, q_ref" in found.told(names)[1]
 
 
 def test_a_joint_that_carries_nothing_has_no_direction_of_its_own(tmp_path: Path) -> None:

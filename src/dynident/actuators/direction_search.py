@@ -9,7 +9,17 @@ from itertools import combinations, product
 
 import numpy as np
 
-from dynident.actuators.directions import AXIS, NEARLY, Directions, LogTorques, Turned, compared, likeliest, runs_away
+from dynident.actuators.directions import (
+    AXIS,
+    NEARLY,
+    ORDER,
+    Directions,
+    LogTorques,
+    Turned,
+    compared,
+    likeliest,
+    runs_away,
+)
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.torque_rows import COMMAND, ODDS, ZERO
 from dynident.arrays import BoolArray
@@ -41,7 +51,8 @@ def turned_over(robot: Robot, logs: Sequence[ServoLog]) -> list[Turned]:
     "Likelihood ratio tests for model selection and non-nested hypotheses", Econometrica 57, 1989, over
     pieces of the logs. An arm that looks the same from both sides is not told, and commands of a joint that follows
     them are right. Zeros of the encoders are told where they explain the logs for sure and directions do not, or
-    nearly as much by fewer joints.
+    nearly as much by fewer joints. Two joints that are exchanged in the log are told in the place of all these where
+    that explains nearly as much.
 
     Args:
         robot: With inertias, in SI units.
@@ -52,7 +63,8 @@ def turned_over(robot: Robot, logs: Sequence[ServoLog]) -> list[Turned]:
     """
     chosen = [logs[k] for k in _places(logs, _LONG_S)]
     parts = [LogTorques.of(robot, log) for log in chosen]
-    few = [parts[k] for k in _places(chosen, _SHORT_S, [part.moves.mean() for part in parts])]
+    short = _places(chosen, _SHORT_S, [part.moves.mean() for part in parts])
+    few = [parts[k] for k in short]
     turned = _likeliest_sides(few)
     zeroed = _likeliest_zeros(few, runs_away(parts))
     beside = [part.taken(turned[0]) for part in few]
@@ -63,7 +75,30 @@ def turned_over(robot: Robot, logs: Sequence[ServoLog]) -> list[Turned]:
         other, zeros = _sure(parts, zeroed)
         most, more = (_cost(few, parts[0].directions) - _cost(few, each) for each in (best, other))
         found = zeros if 0 < len(zeros) < len(found) and more > NEARLY * most else found
-    return sorted(found, key=lambda one: -one.more)
+    exchanged = _exchanged(robot, [chosen[k] for k in short], few, best) if found else None
+    return sorted(found, key=lambda one: -one.more) if exchanged is None else [exchanged]
+
+
+def _exchanged(robot: Robot, logs: Sequence[ServoLog], parts: Sequence[LogTorques], best: Directions) -> Turned | None:
+    """Return the two joints whose exchange explains logs nearly as well as directions or zeros do, or better.
+
+    Only what is surely otherwise is looked at again: one exchange of columns is less than two zeros. An exchange that
+    explains no more than one joint alone does is none.
+    """
+    as_is, signals = parts[0].directions, ("q", "q_ref", "dq_ref", "added", "enabled", "failed")
+    first = _cost(parts, as_is)
+    gain, costs = first - _cost(parts, best), dict[tuple[int, int], float]()
+    for one, other in combinations(range(robot.dof), 2):
+        order = list(range(robot.dof))
+        order[one], order[other] = other, one
+        swapped = [replace(log, **{name: getattr(log, name)[:, order] for name in signals}) for log in logs]
+        costs[one, other] = _cost([LogTorques.of(robot, log) for log in swapped], as_is)
+    if not costs:
+        return None
+    one, other = min(costs, key=lambda pair: costs[pair])
+    more = first - costs[one, other]
+    share = NEARLY if best.others(as_is) > 1 else 1.0 / NEARLY
+    return Turned(ORDER, one, more, True, 0.0, others=((ORDER, other),)) if more > share * gain else None
 
 
 def _ways(directions: Directions) -> float:

@@ -22,10 +22,10 @@ _DEVIATIONS, _PIECE_S, _LEAST = 4.0, 1.0, 0.05
 NEARLY = 0.9
 
 #: First words of what is said of a joint that runs the other way, and of one whose encoder has another zero.
-TURNED, ZEROED = "another direction", "another zero"
+TURNED, ZEROED, EXCHANGED = "another direction", "another zero", "another order"
 
 #: What may run the other way: positions and commands against the robot model, one of them, and the torque's column.
-AXIS, POSITION = "axis", "position"
+AXIS, POSITION, ORDER = "axis", "position", "order"
 
 #: What is seen of a joint, and what to do.
 _SEEN = {
@@ -47,7 +47,7 @@ class Turned:
     """What explains the logs of an arm far better than they are.
 
     Attributes:
-        kind: AXIS, COMMAND, POSITION or STATE.
+        kind: AXIS, COMMAND, POSITION, STATE or ORDER, of two joints that are exchanged: this one and that of others.
         joint: Number of the joint that is turned over; of STATE the one whose torque says it most.
         more: Logarithm of how much more likely the logs are.
         is_sure: Whether that is more than chance.
@@ -69,6 +69,10 @@ class Turned:
     def told(self, joints: Sequence[str]) -> tuple[str, str]:
         """Return evidence and remedy, in words."""
         name = joints[self.joint]
+        if self.kind == ORDER:
+            both = f"{name} and {joints[self.others[0][1]]}"
+            evidence = f"{both} are exchanged: the other way round the torques of the bodies fit, without another zero"
+            return evidence, f"exchange the columns of {both}, of positions and of commands (log: columns: q, q_ref)"
         zero = f"correct the angle where the encoder of {name} reads 0 (log: zero), by about {self.zero:.1f} rad"
         if self.is_zero:
             mounting = "or state how the arm is mounted (gravity: in the case file)"
@@ -80,7 +84,8 @@ class Turned:
 
     def remark(self, joints: Sequence[str]) -> str:
         """Return evidence and remedy as one remark on the joint."""
-        return f"{ZEROED if self.is_zero else TURNED}: {'; '.join(self.told(joints))}"
+        words = ZEROED if self.is_zero else EXCHANGED if self.kind == ORDER else TURNED
+        return f"{words}: {'; '.join(self.told(joints))}"
 
 
 def likeliest(parts: Sequence[LogTorques], is_switched: bool = False) -> Turned | None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynident.actuators.directions import TURNED, ZEROED
+from dynident.actuators.directions import EXCHANGED, TURNED, ZEROED
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.followed_log import FollowedJoint
 from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
@@ -151,7 +151,7 @@ _UNSCALED = ("not separable", AS_RATIO)
 def joint_warnings(joint: JointActuator) -> list[str]:
     """Return what speaks against trusting the actuator of a joint."""
     found = list(joint.remarks)
-    if any(text.startswith((MISSED, TURNED, ZEROED)) for text in found):  # no experiment mends a wrong model
+    if any(text.startswith((MISSED, TURNED, ZEROED, EXCHANGED)) for text in found):  # no experiment mends a wrong model
         return found
     for one in joint.combinations:
         found.append(f"{one.name} is known only as a whole ({one.words})")
