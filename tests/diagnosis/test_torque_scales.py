@@ -11,6 +11,7 @@ import pytest
 from benchmarks.faults import injections as put
 from benchmarks.faults.all_joints import SCALE
 from benchmarks.faults.clean import case_of, findings_of, log, robot, written
+from benchmarks.faults.moved_links import moved
 from benchmarks.faults.trials import Trial, subject_of, virtual
 from benchmarks.strangers.plant import urdf
 
@@ -291,6 +292,17 @@ def test_a_factor_of_all_torques_is_told_by_the_masses_of_the_robot_model(seed: 
         if severity == "warning":
             assert abs(found[0].numbers["value"] + 1.0 - factor) < found[0].numbers["half_width"] < 0.2 * factor
             assert "cannot tell this from masses" in found[0].evidence
+
+
+@pytest.mark.parametrize(("seed", "factor"), [(1, 2.6), (13, 2.2)])
+def test_another_unit_is_told_once(seed: int, factor: float, tmp_path: Path) -> None:
+    """`torque scale` had told the inverse of its figure beside it."""
+    right = moved(seed, "right")
+    case = right.case(tmp_path)
+    written({**right.columns, "tau": factor * right.columns["tau"]}, tmp_path / "run.csv")
+    found = [one for one in examine(case, str(tmp_path / "run.csv")).findings if not one.joint]
+    (unit,) = [one for one in found if one.name in (SCALE, "torque unit")]
+    assert unit.name == "torque unit" and f"{unit.numbers['ratio']:.3g} times those" in unit.evidence
 
 
 def test_a_base_that_leans_is_an_error_where_the_remedy_predicts_unseen_samples(tmp_path: Path) -> None:

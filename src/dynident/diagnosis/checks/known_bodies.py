@@ -21,6 +21,7 @@ from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, 
 from dynident.diagnosis.checks._torque_unit import LOADED, OF_UNIT, ONE_SCALE, UNIT, are_alike, other_unit
 from dynident.diagnosis.checks._torque_unit import SURE as SURE_OF_SHAPE
 from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.checks.torque_scale import tells_unit
 from dynident.diagnosis.finding import Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
@@ -64,7 +65,7 @@ class KnownBodiesCheck(Check):
 
 def _findings(subject: CheckedLog, trends: Trends, against: AgainstBodies, words: str) -> list[Finding]:
     free = {
-        (one.cause.name, one.cause.joint): one
+        _key(one): one
         for one in trends.blames
         if one.cause.name in FREE and (one.cause.name != SCALE or believed(one, subject.trend_scale) is not None)
     }
@@ -73,18 +74,25 @@ def _findings(subject: CheckedLog, trends: Trends, against: AgainstBodies, words
         return unit
     common = _common(against, words) if is_model else []
     frames, blames = standing(trends, against.blames)
+    is_scaled = any(_key(each) == OF_ALL for blame in blames for each in (blame, *blame.rivals))
+    is_unit = bool(common or is_scaled) and tells_unit(subject)  # which says the same of all torques
     left_out = FREE_ALONE + (FREE_OF_MODELS if is_model else ())
-    return [*common, *frames] + [
+    return [*([] if is_unit else common), *frames] + [
         _finding(each, None if each is blame else blame, against, words)
         for blame in blames
-        if blame.cause.name not in left_out and not (common and (blame.cause.name, blame.cause.joint) == OF_ALL)
+        if blame.cause.name not in left_out
         for each in (blame, *blame.rivals)
         if each.cause.name not in left_out
-        and not _is_better(free.get((each.cause.name, each.cause.joint)), each)
+        and not ((common or is_unit) and _key(each) == OF_ALL)
+        and not _is_better(free.get(_key(each)), each)
         and each.cause.name not in subject.described
         and believed(each) is not None
         and sureness(each) > TOLD
     ]
+
+
+def _key(blame: Blame) -> tuple[str, str]:
+    return blame.cause.name, blame.cause.joint
 
 
 def _is_better(free: Blame | None, held: Blame) -> bool:

@@ -161,6 +161,13 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], subject: CheckedLog)
     return _other_units(fit, ratios) or _other_unit(ratio, alike, "the robot model", other, are_alike(fit, ratios))
 
 
+def tells_unit(subject: CheckedLog) -> bool:
+    """Return whether torques are told to be in another unit, of which one scale of all of them is another word."""
+    fit = subject.fit
+    told = [] if fit is None else _all_joints(fit, other_scales(subject.scales), subject)
+    return any(finding.name == UNIT for finding in told)
+
+
 def _other_units(fit: QuickFit, ratios: Array) -> list[Finding]:
     """Return that the torques are far off those of the robot model's masses, each by a factor of its own, (n,)."""
     told = np.flatnonzero(np.isfinite(ratios))
@@ -232,7 +239,7 @@ def _other_unit(ratio: float, alike: float, whose: str, remedy: str, are_alike: 
     """Return that torques are in another unit than those of known bodies, where their ratio and correlation say so."""
     if alike < 0 or alike**2 < EXPLAINED or agrees(ratio):
         return []
-    evidence = f"{whose} predicts {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"
+    evidence = f"the torques are {ratio:.3g} times those that {whose} predicts (correlation {alike:.3f})"
     numbers = {"ratio": ratio, "correlation": alike}
     if alike > SURE and (are_alike or not 1 / FAR_OFF < ratio < FAR_OFF):
         return [Finding("error", UNIT, "", evidence, remedy, numbers, OF_UNIT)]
