@@ -256,6 +256,17 @@ def test_the_last_digit_of_joints_at_rest_is_no_second_publisher(trial: Trial, t
     assert found.name == "two publishers" and "jumps to zero at 1 rows" in found.evidence
 
 
+def test_a_count_of_an_encoder_as_an_arm_starts_is_no_second_publisher(trial: Trial, tmp_path: Path) -> None:
+    """Velocities by differences of few counts: at the start of a slow motion one joint makes one, and none the next."""
+
+    def slow(dq: np.ndarray) -> None:
+        dq[:] = np.round(3.0 * dq / np.abs(dq).max()) * 0.1
+        dq[:9] = 0.0
+        dq[4, 0] = 0.1
+
+    assert told(changed(trial, "dq", slow), "cells", tmp_path) == []
+
+
 def limited(trial: Trial, fastest: float) -> Trial:
     """Return the trial of a robot with these limits of the speed, in rad/s."""
     robot = trial.case.robot

@@ -27,6 +27,16 @@ from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Mesh, Sphere
 
 
+def test_a_thin_plate_far_from_its_frame_has_an_ellipsoid() -> None:
+    """Of which rounding had made lengths that are no numbers."""
+    generator = np.random.default_rng(0)
+    for thickness in 10.0 ** np.arange(-9.0, -6.0):
+        plate = 3.0 + generator.uniform(-0.1, 0.1, (200, 3)) * [1.0, 1.0, thickness]
+        (found,) = bounding_ellipsoids([plate])
+        lengths = ((plate - found.centre) @ np.asarray(found.rotation)) / found.semi_axes
+        assert np.all(np.linalg.norm(lengths, axis=1) < 1.01) and np.all(found.semi_axes > 0.0)
+
+
 def test_the_least_ellipsoid_about_a_box() -> None:
     (found,) = bounding_ellipsoids([Box(np.array([0.2, 0.4, 0.6]), translation=np.array([1.0, 2.0, 3.0])).corners])
     np.testing.assert_allclose(found.centre, [1, 2, 3], atol=1e-9)

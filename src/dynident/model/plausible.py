@@ -42,6 +42,9 @@ MASS_FACTOR, TOTAL_FACTOR = 3.0, 1.5
 #: What bounds that a nominal body breaks have to spare once they hold it: lengths as factors.
 SPARE = 1.5
 
+#: Least semi-axis of an ellipsoid about points, as a share of the largest.
+FLAT = 1e-6
+
 _DIRECTIONS = np.vstack([DIRECTIONS, -DIRECTIONS])
 
 
@@ -257,8 +260,10 @@ def bounding_ellipsoids(clouds: Sequence[Array], tolerance: float = 0.05) -> lis
     found = []
     for cloud, own in zip(clouds, weights, strict=True):
         centre = own[: len(cloud)] @ cloud
-        sizes, axes = np.linalg.eigh((cloud.T * own[: len(cloud)]) @ cloud - np.outer(centre, centre))
-        furthest = float(np.max(np.sum(((cloud - centre) @ axes) ** 2 / sizes, axis=1)))
+        around = cloud - centre
+        sizes, axes = np.linalg.eigh((around.T * own[: len(cloud)]) @ around)
+        sizes = np.maximum(sizes, FLAT**2 * sizes[-1])  # rounding of a thin plate may leave less than none
+        furthest = float(np.max(np.sum((around @ axes) ** 2 / sizes, axis=1)))
         found.append(Ellipsoid(centre, np.sqrt(sizes * furthest), axes))
     return found
 

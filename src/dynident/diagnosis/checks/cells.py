@@ -23,6 +23,9 @@ FLIPS, FEW = 0.005, 2
 #: Size of the row before, as a share of the usual one, from which a jump to zero is none of the motion.
 AWAY = 0.2
 
+#: Counts of an encoder up to which a value is the last one of a joint that comes to rest, and no jump.
+COUNTS = 2.5
+
 #: A value that leaves the line through its neighbours by this many robust deviations is a spike, and the deviation of
 #: these neighbours from their median over its own up to which it is.
 SPIKE, APART = 25.0, 1.0 / 3.0
@@ -80,7 +83,9 @@ def _flips(subject: CheckedLog) -> list[Finding]:
         if len(values) < 9:
             continue
         usual = np.quantile(np.abs(values), 0.99, axis=0)
-        size = np.max(np.abs(values) / np.maximum(usual, max(LAST_DIGIT * usual.max(), 1e-12)), axis=1)
+        steps = np.array([smallest_step(column) for column in values.T])
+        far = np.where(np.abs(values) > COUNTS * steps, np.abs(values), 0.0)
+        size = np.max(far / np.maximum(usual, max(LAST_DIGIT * usual.max(), 1e-12)), axis=1)
         empty = np.all(values == 0, axis=1)
         into = empty[1:] & (size[:-1] > AWAY)
         share = float(into.mean())
