@@ -305,6 +305,19 @@ def test_a_motor_that_turns_with_another_joint_is_named(
     assert ("torque: motor" in found.remedy) == at_motors
 
 
+def test_no_coupling_is_told_where_rounding_makes_the_acceleration(case: Case, tmp_path: Path) -> None:
+    """Steps of 0.02 rad: below 5 Hz they make less acceleration than the motion, below 30 Hz many times as much."""
+    matrix = np.eye(3)
+    matrix[2, 1] = 1.1
+    for cutoff, names in ((5.0, ["coupling"]), (30.0, [])):
+        how = replace(case.preprocessing, filter=case.preprocessing.filter.with_cutoff(cutoff))
+        filtered = replace(case, preprocessing=how)
+        coupled = virtual(replace(filtered, robot=case.robot.with_drives({}, matrix)), rate=RATE)
+        coarse = coupled.with_columns(q=np.round(coupled.columns["q"] / 0.02) * 0.02)
+        found = replace(coarse, case=filtered).examined(tmp_path).findings
+        assert [one.name for one in found if one.severity == "error"] == names
+
+
 def test_a_coupling_that_is_stated_transposed_is_an_error(case: Case, tmp_path: Path) -> None:
     """The search comes to entries on both sides of the diagonal whose product is 1, under which C has no inverse."""
     matrix = np.eye(3)

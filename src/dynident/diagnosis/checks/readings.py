@@ -30,11 +30,13 @@ from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, robot_misfit, unpredicted
 from dynident.diagnosis.causes.several_scales import ALIKE, inverted_gains, nominal_agreement, several_scales
 from dynident.diagnosis.causes.signs_of_all import READING_CONSEQUENCES, driven_joints
+from dynident.diagnosis.causes.thin_fit import CUTOFF_HZ
 from dynident.diagnosis.causes.torque_scales import other_scales, reading_of
 from dynident.diagnosis.causes.trend_findings import believed, is_grave, is_narrow
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.finding import CONSEQUENCES, LOST, UNEXPLAINED, Finding, Severity, listed
 from dynident.model.robot import Robot
 
@@ -43,6 +45,9 @@ POOR, POOR_OF_ANOTHER = 0.25, 0.1
 
 #: Degrees, and share of the reach, by which link frames may differ between two models of one robot.
 FRAMES_TURNED, FRAMES_MOVED = 5.0, 0.05
+
+#: Times the acceleration of the motion that rounding makes, from which a coupling is none.
+ROUNDED = 5.0
 
 #: Largest entry of a coupling between two joints that turn: a larger one stands for a scale.
 MOST_COUPLED = 5.0
@@ -72,6 +77,8 @@ class Readings(Check):
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [driven_joints(positions, share, z)]
         found = _confirmed(positions, _candidates(positions, feeds), everywhere=False)
+        if found and found[0][1].name == "coupling" and _is_rounding(subject, found[0][1].joints):
+            return []  # what a joint lacks in acceleration may be taken from any other
         stretched, scale = subject.stretched, subject.sure_scale
         if stretched and stretched.is_sure and (not found or stretched.gain > found[0][0]):
             found = [(stretched.gain, stretched.reading)]
@@ -88,9 +95,7 @@ class Readings(Check):
         found, misfit = _otherwise(positions, feeds, known, (found, misfit), grave)
         if misfit.is_sure or ((found or scale) and misfit.is_suspected):
             return [_another_robot(misfit, fit, "error")]
-        if found:
-            return [_reading_finding(found)]
-        told = [] if scale else _not_explained(subject, misfit)
+        told = [_reading_finding(found)] if found else [] if scale else _not_explained(subject, misfit)
         return told or ([_another_robot(misfit, fit, "warning")] if misfit.is_suspected else [])
 
 
@@ -360,6 +365,13 @@ def _couplings(fit: QuickFit) -> Iterator[Interpretation]:
     numbers = {f"entry {motor + 1}, {joint + 1}": value for motor, joint, value, _ in found.entries}
     joints, freedom = tuple(names[i] for i in touched), len(found.entries)
     yield Interpretation("coupling", joints, found.gain, evidence, remedy, found.reading, numbers, freedom)
+
+
+def _is_rounding(subject: CheckedLog, joints: Sequence[str]) -> bool:
+    """Return whether rounding of the positions makes far more acceleration than the motion of one of some joints."""
+    log, cutoff = subject.sound.log, subject.case.preprocessing.filter.bandwidth() or CUTOFF_HZ
+    each = [(q, steps_of(q)) for name, q in zip(log.joints, log.q.T, strict=True) if name in joints]
+    return any(0 < steps < np.inf and rounding_share(log.time, q, steps, cutoff) > ROUNDED for q, steps in each)
 
 
 def simple_ratio(value: float, half_width: float) -> float:
