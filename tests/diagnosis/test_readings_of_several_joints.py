@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,6 +14,9 @@ from benchmarks.faults.clean import findings_of
 from benchmarks.faults.trials import Trial, virtual
 
 from dynident.case.case import read_case
+from dynident.diagnosis.causes.cause_search import Cause
+from dynident.diagnosis.causes.trends import Trends
+from dynident.diagnosis.checks.readings import is_zero
 from dynident.diagnosis.examination import examine
 from dynident.diagnosis.finding import Finding
 
@@ -45,6 +50,14 @@ def test_of_signs_that_a_symmetrical_arm_does_not_tell_those_of_the_torques_are_
     """Mirrored in a plane through all its axes, the arm that turns the other way has the torques turned."""
     (error,) = errors_of(turned(virtual(read_case("generic-7r"), rate=100.0), "tau"), tmp_path)
     assert error.name == "torque sign" and "positions turned in place of all torques" in error.evidence
+
+
+@pytest.mark.parametrize(("gain", "share", "is_told"), [(50.0, 0.9, True), (8.0, 0.9, False), (50.0, 0.2, False)])
+def test_a_zero_that_explains_far_more_than_a_mounting_is_the_cause(gain: float, share: float, is_told: bool) -> None:
+    """Figures of a humanoid's arm whose first axis is level: 49.9 by the zero of its roll, 7.2 by another gravity."""
+    zero = SimpleNamespace(cause=Cause("position zero", "roll", np.zeros((1, 0, 1))), gain=gain, share=share, size=0.2)
+    assert is_zero(cast("Trends", SimpleNamespace(blames=[zero])), 7.2) is is_told
+    assert not is_zero(None, 7.2)
 
 
 LINK = """<robot name="one"><link name="base"/><link name="link"><inertial><origin xyz="0.3 0 0"/><mass value="{mass}"/>

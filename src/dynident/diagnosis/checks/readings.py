@@ -33,7 +33,7 @@ from dynident.diagnosis.causes.signs_of_all import READING_CONSEQUENCES, driven_
 from dynident.diagnosis.causes.thin_fit import CUTOFF_HZ
 from dynident.diagnosis.causes.torque_scales import other_scales, reading_of
 from dynident.diagnosis.causes.trend_findings import believed, is_grave, is_narrow
-from dynident.diagnosis.causes.trends import Trends
+from dynident.diagnosis.causes.trends import ZERO, Trends
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.checks.resolution import rounding_share, steps_of
@@ -45,6 +45,9 @@ POOR, POOR_OF_ANOTHER = 0.25, 0.1
 
 #: Degrees, and share of the reach, by which link frames may differ between two models of one robot.
 FRAMES_TURNED, FRAMES_MOVED = 5.0, 0.05
+
+#: Times the gain of a mounting from which the zero of a joint is the cause.
+FAR_BETTER = 1.5
 
 #: Times the acceleration of the motion that rounding makes, from which a coupling is none.
 ROUNDED = 5.0
@@ -82,6 +85,8 @@ class Readings(Check):
         stretched, scale = subject.stretched, subject.sure_scale
         if stretched and stretched.is_sure and (not found or stretched.gain > found[0][0]):
             found = [(stretched.gain, stretched.reading)]
+        if found and found[0][1].name == "mounting" and is_zero(subject.trends, found[0][1].gain):
+            found = []  # a zero of a joint whose axis leans turns gravity as well: another check tells it
         if found and scale and scale.gain > found[0][1].gain:
             found = []  # one torque of another unit upsets the others: that check tells it
         if found:
@@ -365,6 +370,12 @@ def _couplings(fit: QuickFit) -> Iterator[Interpretation]:
     numbers = {f"entry {motor + 1}, {joint + 1}": value for motor, joint, value, _ in found.entries}
     joints, freedom = tuple(names[i] for i in touched), len(found.entries)
     yield Interpretation("coupling", joints, found.gain, evidence, remedy, found.reading, numbers, freedom)
+
+
+def is_zero(trends: Trends | None, gain: float) -> bool:
+    """Return whether the zero of one joint explains a log far better than a reading of a gain does."""
+    blames = () if trends is None else trends.blames
+    return any(one.cause.name == ZERO and is_grave(one) and one.gain > FAR_BETTER * gain for one in blames)
 
 
 def _is_rounding(subject: CheckedLog, joints: Sequence[str]) -> bool:
