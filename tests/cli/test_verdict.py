@@ -156,7 +156,7 @@ def test_masses_far_off_those_of_the_robot_model_are_not_accepted(
     recorded(spatial_3r, lambda log: replace(log, torque=factor * np.asarray(log.torque)))
     assert main(["identify", "case.yaml", "run.csv", "-o", "e.json", *QUICK]) == 4 * is_wrong
     shown = capsys.readouterr().out
-    assert is_wrong == ("error: run.csv: torque unit: the robot model predicts " in shown)
+    assert is_wrong == ("error: run.csv: torque unit: the torques are 0.1" in shown)
     assert is_wrong == ("another unit (kgf m, log: units: {torque: 9.80665 N m})" in shown)
 
 

@@ -23,6 +23,7 @@ from benchmarks.faults.matrix import joint_of, naming
 from benchmarks.faults.trials import Trial, subject_of, virtual
 
 from dynident.case.case import Case, read_case
+from dynident.case.evidence.positions import rounding_share, steps_of
 from dynident.case.evidence.rows import out_of_order, sortable
 from dynident.case.part_sections import PartChoice
 from dynident.data.formats import ColumnMap, read_log
@@ -40,7 +41,6 @@ from dynident.diagnosis.causes.thin_fit import quick_fit
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.checks import CHECKS, readings
 from dynident.diagnosis.checks.cells import held_at
-from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.checks.time_order import SEVERAL
 from dynident.diagnosis.examination import examine, examine_recordings
 from dynident.diagnosis.finding import SEVERITIES, Finding

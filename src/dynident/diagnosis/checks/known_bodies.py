@@ -21,7 +21,7 @@ from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, 
 from dynident.diagnosis.checks._torque_unit import LOADED, OF_UNIT, ONE_SCALE, UNIT, are_alike, other_unit
 from dynident.diagnosis.checks._torque_unit import SURE as SURE_OF_SHAPE
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.checks.torque_scale import tells_unit
+from dynident.diagnosis.checks.torque_scale import TorqueScale
 from dynident.diagnosis.finding import Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
@@ -75,7 +75,7 @@ def _findings(subject: CheckedLog, trends: Trends, against: AgainstBodies, words
     common = _common(against, words) if is_model else []
     frames, blames = standing(trends, against.blames)
     is_scaled = any(_key(each) == OF_ALL for blame in blames for each in (blame, *blame.rivals))
-    is_unit = bool(common or is_scaled) and tells_unit(subject)  # which says the same of all torques
+    is_unit = bool(common or is_scaled) and TorqueScale.tells_unit(subject)  # which says the same of all torques
     left_out = FREE_ALONE + (FREE_OF_MODELS if is_model else ())
     return [*([] if is_unit else common), *frames] + [
         _finding(each, None if each is blame else blame, against, words)

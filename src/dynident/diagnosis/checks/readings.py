@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
+from dynident.case.evidence.positions import rounding_share, steps_of
 from dynident.case.evidence.torques import EXPLAINED
 from dynident.diagnosis.causes.column_readings import (
     FED,
@@ -36,7 +37,6 @@ from dynident.diagnosis.causes.trend_findings import believed, is_grave, is_narr
 from dynident.diagnosis.causes.trends import ZERO, Trends
 from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.checks.resolution import rounding_share, steps_of
 from dynident.diagnosis.finding import CONSEQUENCES, LOST, UNEXPLAINED, Finding, Severity, listed
 from dynident.model.robot import Robot
 

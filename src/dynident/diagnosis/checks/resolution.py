@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynident.arrays import Array
-from dynident.case.evidence.positions import FEW_VALUES, STILL, travel
-from dynident.data.log import smallest_step
+from dynident.case.evidence.positions import FEW_VALUES, STILL, rounding_share, steps_of, travel
 from dynident.diagnosis.causes.thin_fit import CUTOFF_HZ
 from dynident.diagnosis.checks.base import ROUNDING, Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
@@ -59,36 +57,3 @@ class Resolution(Check):
                 remedy += f"{{{flat[-1]}: POSITION}}) and its columns left out"
                 found.append(Finding("error", "torque never changes", listed(flat), "one value in all rows", remedy))
         return found
-
-
-def steps_of(column: Array) -> float:
-    """Return how many of its smallest steps a signal (N,) spans between its 1st and 99th percentile; 0 for none.
-
-    Infinite where it has no levels (:func:`smallest_step`).
-    """
-    low, high = np.quantile(column, [0.01, 0.99])
-    if high <= low:
-        return 0.0
-    step = smallest_step(column)
-    return float((high - low) / step) if step else np.inf
-
-
-def rounding_share(time: Array, column: Array, steps: float, cutoff: float) -> float:
-    """Return the acceleration that rounding makes over that of a motion, root mean squares, below a cut-off.
-
-    The error of rounding has the variance of a step squared over 12, white up to the rate at which steps are taken
-    (Widrow and Kollar 2008); the acceleration is the squared speed over the deviation, as of one harmonic.
-
-    Args:
-        time: In s, shape (N,).
-        column: Positions, shape (N,).
-        steps: Steps that they span between the 1st and the 99th percentile.
-        cutoff: In Hz.
-    """
-    low, high = np.quantile(column, [0.01, 0.99])
-    rate, step = 1.0 / float(np.median(np.diff(time))), float(high - low) / steps
-    lag = min(max(1, round(rate / (2.0 * cutoff))), len(column) - 1)
-    speed = float(np.sqrt(np.mean((column[lag:] - column[:-lag]) ** 2))) * rate / lag
-    taken = max(min(rate, speed / step), 2.0 * cutoff)
-    noise = step / np.sqrt(12.0) * (2.0 * np.pi * cutoff) ** 2 * np.sqrt(2.0 * cutoff / (5.0 * taken))
-    return float(noise * np.std(column) / max(speed, 1e-300) ** 2)

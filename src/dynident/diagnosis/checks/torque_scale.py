@@ -62,6 +62,13 @@ class TorqueScale(Check):
             *_lifted(fit),
         ]
 
+    @staticmethod
+    def tells_unit(subject: CheckedLog) -> bool:
+        """Return whether torques are told to be in another unit, of which one scale of all of them is another word."""
+        fit = subject.fit
+        told = [] if fit is None else _all_joints(fit, other_scales(subject.scales), subject)
+        return any(finding.name == UNIT for finding in told)
+
 
 def _other_side(subject: CheckedLog, fit: QuickFit) -> list[Finding]:
     """Return that torques of motors are read as those of joints, or the reverse, by the stated gears and the masses.
@@ -159,13 +166,6 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], subject: CheckedLog)
     ratios = nominal_ratios(fit, SURE**2)
     other = other_unit(fit, ratio)
     return _other_units(fit, ratios) or _other_unit(ratio, alike, "the robot model", other, are_alike(fit, ratios))
-
-
-def tells_unit(subject: CheckedLog) -> bool:
-    """Return whether torques are told to be in another unit, of which one scale of all of them is another word."""
-    fit = subject.fit
-    told = [] if fit is None else _all_joints(fit, other_scales(subject.scales), subject)
-    return any(finding.name == UNIT for finding in told)
 
 
 def _other_units(fit: QuickFit, ratios: Array) -> list[Finding]:
