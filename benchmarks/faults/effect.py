@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.faults.kinds import Kind
 from benchmarks.faults.trials import Trial
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.thin_fit import quick_fit
+from dynident.diagnosis.causes.thin_fit import quick_fit, thin_fit
 from dynident.errors import DynidentError
 
 #: The smallest strength moves the held-out error, or an identified parameter, by this share.
@@ -82,7 +82,7 @@ def fitted(trial: Trial, folder: Path) -> QuickFit | None:
 
 
 def reference(clean: Trial, held: Trial, folder: Path) -> Reference:
-    fits = [fitted(trial, folder) for trial in (clean, held)]
+    fits = [thin_fit(trial.case, trial.case.read(trial.written(folder, "fit"))) for trial in (clean, held)]
     assert fits[0] is not None and fits[1] is not None
     return Reference(*fits)  # type: ignore[arg-type]
 
