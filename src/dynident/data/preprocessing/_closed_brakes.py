@@ -45,9 +45,11 @@ def closed_brakes(log: Log) -> Array:
     if log.samples <= width:
         return none
     torque, sizes = np.asarray(log.torque), np.sqrt(np.mean(np.asarray(log.torque) ** 2, axis=0))
+    still = np.all(_windows(log.q, width)[1] <= STILL * WINDOW_S / np.sqrt(12.0), axis=1)  # of a uniform motion
+    if not still.any():
+        return none
     means, deviations = _windows(torque, width)
-    still = _windows(log.q, width)[1] <= STILL * WINDOW_S / np.sqrt(12.0)  # of a uniform motion
-    calm = np.all(still & (np.abs(means) <= NONE * sizes + deviations), axis=1)
+    calm = still & np.all(np.abs(means) <= NONE * sizes + deviations, axis=1)
     edges = np.flatnonzero(np.diff(calm, prepend=False, append=False))
     short = np.flatnonzero(np.diff(edges)[1::2] < width) * 2 + 1  # noise between two spells
     edges = np.delete(edges, np.concatenate([short, short + 1])).reshape(-1, 2)

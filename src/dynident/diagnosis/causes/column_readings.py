@@ -12,7 +12,7 @@ from itertools import chain, combinations, pairwise, permutations
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray, IntArray
+from dynident.arrays import Array, BoolArray, IntArray, vector_text
 from dynident.case.case import Case
 from dynident.case.evidence.positions import LITTLE_SLIDE, LITTLE_TURN
 from dynident.data.motor_side import gears_of
@@ -310,7 +310,7 @@ class PositionReadings:
                 f"with columns of motors, that of {names[motor]} turning {'with' if way > 0 else 'against'} "
                 f"{names[joint]} as well (position = C q, C' torque),"
             )
-            stated = ", ".join(f"[{', '.join(f'{value + 0.0:g}' for value in row)}]" for row in coupling)
+            stated = ", ".join(f"[{vector_text(row, 6)}]" for row in coupling)
             remedy = f"state the coupling of the motors, as of a parallelogram (coupling: [{stated}]; log: side: motor"
             geared = any(one.drive.gear_ratio != 1.0 for one in fit.model.robot.active)
             remedy += f"{', with gear_ratio: 1 where the columns are behind the gears' * geared})"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, vector_text
 from dynident.diagnosis.causes.column_readings import GAIN, Interpretation
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.line_search import Search, run, side_by_side
@@ -160,7 +160,7 @@ def mountings(fit: QuickFit) -> Iterator[Interpretation]:
         yield Interpretation("torque without gravity", (), without, evidence, remedy, free.reading(np.zeros(3)))
     factor, by_size = free.best_size()
     if by_size > GAIN + max(0.0, without, gain) and abs(np.log(factor)) > np.log(OTHER_SIZE):
-        text, slow = ", ".join(f"{value + 0.0:.3g}" for value in factor * gravity), factor**-0.5
+        text, slow = vector_text(factor * gravity, 3), factor**-0.5
         evidence = f"with gravity of {factor * size:.3g} m/s^2, or a clock that runs {slow:.3g} times as fast as time,"
         remedy = (
             f"check unit and rate of the time (multiplied by {1.0 / slow:.4g} the log agrees with the robot model), or "
@@ -172,7 +172,7 @@ def mountings(fit: QuickFit) -> Iterator[Interpretation]:
         )
     angle = degrees_off(best, gravity)
     if gain > GAIN and angle > LEAN:
-        text = ", ".join(f"{value + 0.0:.3g}" for value in best)
+        text = vector_text(best, 3)
         evidence = f"with gravity [{text}], {angle:.1f} degrees off the stated one,"
         remedy = f"state how the arm is mounted (gravity: [{text}] in the frame of the base)"
         yield Interpretation("mounting", (), gain, evidence, remedy, free.reading(best), {"angle_deg": angle}, 2)

@@ -19,6 +19,7 @@ from dynident.diagnosis.causes.model_error import ModelError
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import GAIN, SURE
 from dynident.diagnosis.causes.torque_scales import JointScale, reading_of
+from dynident.diagnosis.causes.trend_texts import Z95
 from dynident.diagnosis.causes.trends import STRETCH, Trends
 
 #: Steps at most, the one at which they end, and the largest factor of one.
@@ -26,9 +27,6 @@ STEPS, SETTLED, LONGEST = 8, 1e-3, 2.0
 
 #: Least share by which positions are off that is told.
 LEAST = 0.02
-
-#: Standard deviations of half a 95 % interval.
-Z95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -70,9 +68,8 @@ def position_scale(fit: QuickFit, joint: str, other: JointScale | None = None) -
         if ahead < 0.0:
             return None
         if ahead < doubt:
-            rival = f" (not distinguishable from its torque times {other.factor:.3g})"
-            if other.joint != joint:
-                rival = f" (not distinguishable from the torque of {other.joint} times {other.factor:.3g})"
+            whose = "its torque" if other.joint == joint else f"the torque of {other.joint}"
+            rival = f" (not distinguishable from {whose} times {other.factor:.3g})"
     evidence = (
         f"by the torques it moves {factor:.{3 if half < 0.05 else 2}g} +- {half:.2g} times as far as its positions say"
         f"{rival}; so read,"

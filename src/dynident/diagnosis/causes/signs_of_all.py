@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, vector_text
 from dynident.case.evidence.torques import EXPLAINED
 from dynident.diagnosis.causes.column_readings import GAIN, PositionReadings, variance_falls
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, as_stated
@@ -59,7 +59,7 @@ def opposite_torques(fit: QuickFit) -> list[Finding]:
         return []
     mirrored, gravity = PositionReadings(fit).mirrored(), -np.asarray(robot.gravity)
     upside = RegressorStream(replace(fit.model, robot=robot.with_gravity(gravity)), fit.base, any_gravity=True)
-    inverted, told = -stated.mixing, ", ".join(f"{value + 0.0:.3g}" for value in gravity)
+    inverted, told = -stated.mixing, vector_text(gravity, 3)
     readings = {
         "mounting": (
             replace(stated, rows=fit.rows_under(upside)),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from dynident.arrays import vector_text
 from dynident.diagnosis.causes.bodies_in_motion import leaned
 from dynident.diagnosis.causes.cause_search import MANY, Blame
 from dynident.diagnosis.causes.position_spectrum import RIPPLE
@@ -198,7 +199,7 @@ def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     lean = blame.values[:2]
     angle = np.degrees(np.arctan(np.linalg.norm(lean)))
     spread = np.degrees(np.linalg.norm(blame.half_widths[:2][lean != 0.0]))  # a planar arm tells one of the two
-    text = ", ".join(f"{value + 0.0:.4g}" for value in leaned(gravity, lean))
+    text = vector_text(leaned(gravity, lean), 4)
     evidence = f"the base is tilted by {angle:.2g} +- {spread:.2g} degrees against the stated gravity"
     return evidence, f"level the base, or state its tilt (gravity: [{text}])"
 

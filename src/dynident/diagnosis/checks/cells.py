@@ -82,11 +82,13 @@ def _flips(subject: CheckedLog) -> list[Finding]:
     for signal, values in subject.sound.log.signals().items():
         if len(values) < 9:
             continue
+        empty = np.all(values == 0, axis=1)
+        if not empty.any():
+            continue
         usual = np.quantile(np.abs(values), 0.99, axis=0)
         steps = np.array([smallest_step(column) for column in values.T])
         far = np.where(np.abs(values) > COUNTS * steps, np.abs(values), 0.0)
         size = np.max(far / np.maximum(usual, max(LAST_DIGIT * usual.max(), 1e-12)), axis=1)
-        empty = np.all(values == 0, axis=1)
         into = empty[1:] & (size[:-1] > AWAY)
         share = float(into.mean())
         if share > (FLIPS if values.shape[1] <= FEW else 0.0):

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array, BoolArray, vector_text
 from dynident.case.evidence.positions import rounding_share, steps_of
 from dynident.case.evidence.torques import EXPLAINED
 from dynident.diagnosis.causes.column_readings import (
@@ -364,7 +364,7 @@ def _couplings(fit: QuickFit) -> Iterator[Interpretation]:
         )
     left = ", ".join(f"{names[i]} {found.before[i]:.1%} to {found.after[i]:.1%}" for i in touched)
     evidence = f"{', '.join(told)} as well: relative residual {left};"
-    rows = ", ".join(f"[{', '.join(f'{value + 0.0:.4g}' for value in row)}]" for row in stated)
+    rows = ", ".join(f"[{vector_text(row, 4)}]" for row in stated)
     side = "; log: side: {torque: motor}, as these are torques of the motors" if found.at_motors else ""
     remedy = f"state the kinematic coupling of the drives, motor speed = C joint speed (coupling: [{rows}]{side})"
     numbers = {f"entry {motor + 1}, {joint + 1}": value for motor, joint, value, _ in found.entries}
