@@ -117,7 +117,7 @@ def _counterbalance(finding: Finding, trial: Trial) -> Stated:
 _READ: Mapping[str, Callable[[Finding, Trial], Stated]] = {
     "time scale": _clock,
     "torque scale": _scale,
-    "torque unit": lambda finding, trial: Stated(finding.numbers["ratio"], 0.0, 1.0),
+    "torque unit": lambda finding, trial: Stated(finding.numbers["ratio"], finding.numbers["half_width"], 1.0),
     "torque delay": _delay,
     "spring": lambda finding, trial: Stated(finding.numbers["value"], finding.numbers["half_width"]),
     "drift": lambda finding, trial: Stated(finding.numbers["value"], finding.numbers["half_width"]),
@@ -143,7 +143,7 @@ class CleanLog:
             return delay.seconds
         if finding.name == "torque unit" and fit is not None:
             theta, known = fit.model.nominal(), self.subject.known
-            if known is not None and finding.evidence.startswith("the earlier estimate"):
+            if known is not None and "the earlier estimate predicts" in finding.evidence:
                 return against_known(fit, known, None)[0]
             return nothing if theta is None else against_nominal(fit, theta, None)[0]
         if finding.name == "torque scale" and finding.joint and not finding.evidence.startswith("against"):

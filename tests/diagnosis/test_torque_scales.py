@@ -162,9 +162,9 @@ def test_masses_judge_the_torque_of_a_joint_in_its_own_scale(trial: Trial, tmp_p
     assert subject.fit is not None
     theta = subject.fit.model.nominal()
     assert theta is not None
-    ratio, alike = against_nominal(subject.fit, theta, mixing_of(subject.fit, other_scales(subject.scales)[0]))
+    ratio, alike, _ = against_nominal(subject.fit, theta, mixing_of(subject.fit, other_scales(subject.scales)[0]))
     assert ratio == pytest.approx(1, abs=0.01) and alike > 0.99
-    ratio, alike = against_nominal(subject.fit, theta, None)
+    ratio, alike, _ = against_nominal(subject.fit, theta, None)
     assert ratio > 2 and alike < 0.9
 
 
@@ -292,6 +292,9 @@ def test_a_factor_of_all_torques_is_told_by_the_masses_of_the_robot_model(seed: 
         if severity == "warning":
             assert abs(found[0].numbers["value"] + 1.0 - factor) < found[0].numbers["half_width"] < 0.2 * factor
             assert "cannot tell this from masses" in found[0].evidence
+        if severity == "error":
+            assert abs(found[0].numbers["ratio"] - factor) < found[0].numbers["half_width"] < 0.5 * factor
+            assert f"{found[0].numbers['ratio']:.3g} (+- " in found[0].evidence
 
 
 @pytest.mark.parametrize(("seed", "factor"), [(1, 2.6), (13, 2.2)])
@@ -302,7 +305,7 @@ def test_another_unit_is_told_once(seed: int, factor: float, tmp_path: Path) -> 
     written({**right.columns, "tau": factor * right.columns["tau"]}, tmp_path / "run.csv")
     found = [one for one in examine(case, str(tmp_path / "run.csv")).findings if not one.joint]
     (unit,) = [one for one in found if one.name in (SCALE, "torque unit")]
-    assert unit.name == "torque unit" and f"{unit.numbers['ratio']:.3g} times those" in unit.evidence
+    assert unit.name == "torque unit" and f"{unit.numbers['ratio']:.3g} (+- " in unit.evidence
 
 
 def test_a_base_that_leans_is_an_error_where_the_remedy_predicts_unseen_samples(tmp_path: Path) -> None:

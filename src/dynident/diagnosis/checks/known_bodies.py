@@ -132,16 +132,16 @@ def _unit(against: AgainstBodies) -> list[Finding]:
     blame, errors = against.scale_of_all
     if not _is_common(blame, errors, OFF):
         return []
-    ratio = 1.0 + float(blame.values[0])
+    ratio, half = 1.0 + float(blame.values[0]), float(blame.half_widths[0])
     fit, ratios = against.fit, nominal_ratios(against.fit, SURE_OF_SHAPE**2)
     told = ratios[np.isfinite(ratios)] / ratio
     if are_alike(fit, ratios) or not len(told) or told.min() < 1.0 / FAR or np.median(told) > LOADED * ONE_SCALE:
         return []
     evidence = (
-        f"whatever load the flange carries, the torques are {ratio:.3g} (+- {float(blame.half_widths[0]):.2g}) times "
+        f"whatever load the flange carries, the torques are {ratio:.3g} (+- {half:.2g}) times "
         f"those of the robot model's masses (t = {blame.certainty:.0f})"
     )
-    return [Finding("error", UNIT, "", evidence, other_unit(fit, ratio), {"ratio": ratio}, OF_UNIT)]
+    return [Finding("error", UNIT, "", evidence, other_unit(fit, ratio), {"ratio": ratio, "half_width": half}, OF_UNIT)]
 
 
 def _common(against: AgainstBodies, words: str) -> list[Finding]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from dynident.diagnosis.checks._torque_unit import OF_UNIT, SURE, UNIT, are_alik
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 from dynident.identification.problem.regressor_stream import motion_of
+from dynident.identification.residuals.quantiles import student_quantile
 from dynident.model.friction import Motion
 
 #: Factor against the masses of the robot model beyond which the unit is wrong for certain: no robot model is off by as
@@ -40,6 +41,14 @@ BOTH_WAYS = 0.1
 #: What torques of the other side of the gears look like besides.
 READINGS = ("another robot", "coupling", "torque sign", "torque order", "joint order", "position sign", "axis sign")
 OTHER_SIDE = (*CONSEQUENCES, "torque scales", "torque units", "mounting", "torque without gravity", *READINGS)
+
+
+class Ratio(NamedTuple):
+    """Fitted torques over those of known bodies, their correlation, and the half-width of the 95 % interval."""
+
+    ratio: float
+    alike: float
+    half: float
 
 
 @dataclass(frozen=True)
@@ -78,7 +87,7 @@ def _other_side(subject: CheckedLog, fit: QuickFit) -> list[Finding]:
     theta, columns, mixing = fit.model.nominal(), subject.raw.columns, _through_gears(subject, fit)
     if theta is None or mixing is None:
         return []
-    ratio, alike = against_nominal(fit, theta, mixing)
+    ratio, alike, _ = against_nominal(fit, theta, mixing)
     common = mixing / np.exp(np.linalg.slogdet(mixing)[1] / len(mixing))
     before, after = np.log(fit.variances(fit.shared, np.stack([np.eye(len(mixing)), common]))).sum(axis=1)
     if not agrees(ratio) or alike < SURE or before - after < GAIN:
@@ -154,18 +163,18 @@ def _all_joints(fit: QuickFit, found: Sequence[JointScale], subject: CheckedLog)
     mixing, known = mixing_of(fit, found[0]) if found else None, subject.known
     is_loaded = subject.against_earlier is not None and subject.against_earlier.is_loaded
     if known is not None and not is_loaded:
-        ratio, alike = against_known(fit, known, mixing)
-        if told := _other_unit(ratio, alike, "the earlier estimate", other_unit(fit, ratio)):
+        against = against_known(fit, known, mixing)
+        if told := _other_unit(against, "the earlier estimate", other_unit(fit, against.ratio)):
             return told
     theta = fit.model.nominal()
     if theta is None:
         return []
-    ratio, alike = against_nominal(fit, theta, mixing)
+    against = against_nominal(fit, theta, mixing)
     if (told := opposite_torques(fit)) or is_loaded:
         return told
     ratios = nominal_ratios(fit, SURE**2)
-    other = other_unit(fit, ratio)
-    return _other_units(fit, ratios) or _other_unit(ratio, alike, "the robot model", other, are_alike(fit, ratios))
+    other = other_unit(fit, against.ratio)
+    return _other_units(fit, ratios) or _other_unit(against, "the robot model", other, are_alike(fit, ratios))
 
 
 def _other_units(fit: QuickFit, ratios: Array) -> list[Finding]:
@@ -235,18 +244,20 @@ def _lifted(fit: QuickFit) -> list[Finding]:
     return found
 
 
-def _other_unit(ratio: float, alike: float, whose: str, remedy: str, are_alike: bool = False) -> list[Finding]:
+def _other_unit(against: Ratio, whose: str, remedy: str, are_alike: bool = False) -> list[Finding]:
     """Return that torques are in another unit than those of known bodies, where their ratio and correlation say so."""
+    ratio, alike, half = against
     if alike < 0 or alike**2 < EXPLAINED or agrees(ratio):
         return []
-    evidence = f"the torques are {ratio:.3g} times those that {whose} predicts (correlation {alike:.3f})"
-    numbers = {"ratio": ratio, "correlation": alike}
+    interval = f" (+- {half:.2g})" if np.isfinite(half) else ""
+    evidence = f"the torques are {ratio:.3g}{interval} times those that {whose} predicts (correlation {alike:.3f})"
+    numbers = {"ratio": ratio, "half_width": half, "correlation": alike}
     if alike > SURE and (are_alike or not 1 / FAR_OFF < ratio < FAR_OFF):
         return [Finding("error", UNIT, "", evidence, remedy, numbers, OF_UNIT)]
     return [Finding("warning", UNIT, "", evidence, remedy, numbers)]
 
 
-def against_known(fit: QuickFit, known: KnownBodies, mixing: Array | None) -> tuple[float, float]:
+def against_known(fit: QuickFit, known: KnownBodies, mixing: Array | None) -> Ratio:
     """Return scale and correlation of the bodies' torque, fitted to mixing @ torque, against an earlier estimate's."""
     stated = np.zeros(fit.base.count)
     stated[known.places] = known.values
@@ -256,10 +267,10 @@ def against_known(fit: QuickFit, known: KnownBodies, mixing: Array | None) -> tu
         (block @ stated[own], block @ fitted[own]) for block, own in zip(fit.rows.blocks, fit.rows.columns, strict=True)
     ]
     theirs, ours = (np.stack(each, axis=1) for each in zip(*pairs, strict=True))
-    return scale_against(theirs - theirs.mean(axis=0), ours - ours.mean(axis=0))
+    return _ratio(theirs - theirs.mean(axis=0), ours - ours.mean(axis=0))
 
 
-def against_nominal(fit: QuickFit, theta: Array, mixing: Array | None) -> tuple[float, float]:
+def against_nominal(fit: QuickFit, theta: Array, mixing: Array | None) -> Ratio:
     """Return scale and correlation of the bodies' torque, fitted to mixing @ torque, against the robot model's."""
     beta = fit.solve(fit.triangles.products, mixing).beta
     nominal = fit.model.torque(motion_of(fit.rows.prepared.kept), _without_friction(fit, theta))
@@ -271,7 +282,24 @@ def against_nominal(fit: QuickFit, theta: Array, mixing: Array | None) -> tuple[
         ],
         axis=1,
     )
-    return scale_against(nominal - nominal.mean(axis=0), fitted - fitted.mean(axis=0))
+    return _ratio(nominal - nominal.mean(axis=0), fitted - fitted.mean(axis=0))
+
+
+def _ratio(known: Array, fitted: Array) -> Ratio:
+    """Return the scale of torques (m, n) against those of known bodies, its interval by leaving out each joint in turn.
+
+    The joints agree as well as the known bodies are right: a jackknife over them (Tukey 1958) with Student's t of their
+    number less one; infinite where a single joint has such torques.
+    """
+    ratio, alike = scale_against(known, fitted)
+    sizes, products = np.sum(known**2, axis=0), np.sum(known * fitted, axis=0)
+    own = sizes > 0
+    count = int(own.sum())
+    if count < 2:
+        return Ratio(ratio, alike, np.inf)
+    without = (products.sum() - products[own]) / (sizes.sum() - sizes[own])
+    deviation = np.sqrt((count - 1) / count * np.sum((without - without.mean()) ** 2))
+    return Ratio(ratio, alike, float(student_quantile(0.975, count - 1) * deviation))
 
 
 def _without_friction(fit: QuickFit, theta: Array) -> Array:
