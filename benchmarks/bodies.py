@@ -38,7 +38,7 @@ from benchmarks.speed.rows import consistent_fit as row
 from benchmarks.strangers.arms import gen3, iiwa, irb, scara, so100, tx2, ur5e, xarm
 from benchmarks.strangers.plant import urdf
 from dynident import DynamicModel, FourierSeries, Preprocessing, read_case, read_robot
-from dynident.case.shape_quadrics import separating, with_quadrics
+from dynident.case.mesh_bounds import separating, with_quadrics
 from dynident.data.log import Log
 from dynident.data.preprocessing import preprocess
 from dynident.data.preprocessing.as_given import AsGiven

@@ -26,7 +26,6 @@ from dynident.excitation.collision.clearance import clearance_of
 from dynident.excitation.collision.workspace import HalfSpace, Workspace
 from dynident.excitation.criteria import CRITERIA
 from dynident.excitation.design.design_problem import GUARD, DesignProblem
-from dynident.excitation.design.design_search import Trail, candidates
 from dynident.excitation.design.excitation import design_excitation
 from dynident.excitation.design.feasibility import feasible_start, shrunk
 from dynident.excitation.design.finishing import FINER
@@ -35,6 +34,7 @@ from dynident.excitation.design.observation import Observation
 from dynident.excitation.design.options import DesignKnowledge, SearchOptions, SpaceLimits, TrajectoryOptions
 from dynident.excitation.design.parametrisation import parametrise
 from dynident.excitation.design.prior import Prior, deviations_of
+from dynident.excitation.design.start import Trail, candidates
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous

@@ -15,7 +15,7 @@ from contracts.families import FAMILIES
 from dynident.cli.main import main
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import to_mujoco_fullinertia, to_pinocchio
-from dynident.results.report.judgement import GRADES
+from dynident.results.report.sections.verdict import GRADES
 from test_documentation import PAGES, ROOT, rows_after
 
 

@@ -15,8 +15,7 @@ from benchmarks.servo_arms import VirtualArm, arm_log, arm_logs, drawn_arm
 from servo_bench import parameters, virtual_logs
 
 from dynident.actuators.arm_coupling import Arm
-from dynident.actuators.arm_motion import beyond_noise
-from dynident.actuators.arm_rollout import arm_rolled_out
+from dynident.actuators.arm_motion import arm_rolled_out, beyond_noise
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import ActuatorEstimate
 from dynident.actuators.followed_log import followed

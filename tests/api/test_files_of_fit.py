@@ -12,7 +12,7 @@ import pytest
 
 from dynident.actuators.estimate import ActuatorEstimate
 from dynident.api.applications import logs_of_fit
-from dynident.api.files_of_fit import file_of_fit
+from dynident.api.estimate_output import file_of_fit
 from dynident.api.validate import validate
 from dynident.case.case import read_case
 from dynident.cli.main import main

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynident.case.draft.command_pairs import command_pair
+from dynident.case.draft.commands import command_pair
 from dynident.cli.main import main
 
 DESK = ("shoulder_pan", "shoulder_lift", "elbow_flex")

@@ -15,8 +15,7 @@ from dynident.case.draft.joint_choice import without_positions
 from dynident.case.draft.profile_fit import equally_good, fitting_profiles
 from dynident.case.draft.signal_choice import choose_signals
 from dynident.case.draft.signal_units import position_factors, position_unit
-from dynident.case.draft.time_columns import time_columns, unit_of_time
-from dynident.case.draft.time_unit import time_unit
+from dynident.case.draft.time_columns import time_columns, time_unit, unit_of_time
 from dynident.case.draft.yaml_words import plain, quoted
 from dynident.case.questions import MARK, check_answered, questions_in
 from dynident.data.profiles import PROFILES

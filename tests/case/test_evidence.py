@@ -9,7 +9,7 @@ import pytest
 
 from dynident.case.case import read_case
 from dynident.case.draft.signal_units import position_unit, torque_unit
-from dynident.case.draft.time_unit import time_unit
+from dynident.case.draft.time_columns import time_unit
 from dynident.case.evidence.positions import is_plausible, is_within, strays, travel
 from dynident.case.evidence.rows import POSSIBLE_STEPS, is_step, same_as_before, time_units
 from dynident.case.evidence.torques import agrees, scale_against

@@ -21,8 +21,7 @@ from dynident.case.mesh_bounds import with_mesh_points
 from dynident.errors import DescriptionError
 from dynident.model.plausible import plausible_constraints, shape_points
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
-from dynident.robot_files.mesh_files import mesh_places
-from dynident.robot_files.meshes import mesh_triangles
+from dynident.robot_files.meshes import mesh_places, mesh_triangles
 
 #: Robot models that are refused: no joint moves, a joint that follows one it may not, or a robot without a name.
 UNREAD = {"alex_psyonic_hands.urdf", "quadrotor_base.urdf", "iris_simple.urdf", "ur3.urdf"}

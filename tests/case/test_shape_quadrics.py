@@ -13,8 +13,7 @@ from tests.case.test_mesh_bounds import box_triangles, write_stl
 
 from dynident import read_robot
 from dynident.arrays import Array
-from dynident.case.mesh_bounds import with_mesh_points
-from dynident.case.shape_quadrics import separating, shape_quadrics, with_quadrics
+from dynident.case.mesh_bounds import separating, shape_quadrics, with_mesh_points, with_quadrics
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
-from dynident.case.profile_columns import profile_columns
+from dynident.case.log_section import profile_columns
 from dynident.data.formats import ColumnMap, read_log
 from dynident.data.formats._units import QUANTITY, UNITS
 from dynident.data.log import Log

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynident.applications.monitor.live_rows import live_rows
+from dynident.applications.monitor.live import live_rows
 from dynident.data.formats import ColumnMap, Units, _text_table, read_header, read_log, write_log, written_columns
 from dynident.data.formats._text_table import open_table
 from dynident.data.formats.csv import Csv

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dynident.case.case import read_case
-from dynident.case.profile_columns import profile_columns
+from dynident.case.log_section import profile_columns
 from dynident.data.formats import ColumnMap, read_log
 from dynident.data.formats._column_map import NUMBERED, QUANTITY
 from dynident.data.formats._units import UNITS

@@ -30,8 +30,7 @@ from dynident.results.figures import (
     trajectory_chart,
 )
 from dynident.results.figures.chart import Level
-from dynident.results.figures.friction import speed_grid
-from dynident.results.figures.residuals import running_median, spectrum, thinned
+from dynident.results.figures.residuals import running_median, spectrum, speed_grid, thinned
 from dynident.results.figures.signals import run_time
 
 GENERATOR = np.random.default_rng(5)

@@ -26,7 +26,7 @@ from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import Choices, DelayRecord
 from dynident.identification.problem.method_run import MethodRun
 from dynident.model.robot import Robot
-from dynident.results.motion_proof import not_run_lines
+from dynident.results.model_export_view import not_run_lines
 from dynident.results.plan_view import PlanView
 from dynident.results.report import Comparison, Subject, build_report, builder, write_report
 from dynident.results.report.builder import ORDER, render, section_names

@@ -25,8 +25,8 @@ from dynident.model.friction import Motion
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.joint import Mimic
 from dynident.model.robot import Link
-from dynident.results.report.judgement import grade, tone
 from dynident.results.report.sections import SECTIONS, friction
+from dynident.results.report.sections.verdict import grade, tone
 from dynident.results.report.subject import Comparison, Subject
 from dynident.results.text import format_percent
 

@@ -8,7 +8,7 @@ import pytest
 
 from dynident.errors import DescriptionError
 from dynident.robot_files import read_robot
-from dynident.robot_files.mesh_files import missing_meshes
+from dynident.robot_files.meshes import missing_meshes
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -100,7 +100,7 @@ def test_nothing_is_fetched(package: Path) -> None:
 
 def test_without_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    monkeypatch.setattr("dynident.robot_files.robot_catalogue.find_spec", lambda name: None)
+    monkeypatch.setattr("dynident.robot_files.reading.find_spec", lambda name: None)
     with pytest.raises(FileError, match="pip install robot_descriptions; robot_descriptions pull panda_description"):
         read_robot("panda_description")
 

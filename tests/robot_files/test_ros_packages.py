@@ -12,7 +12,7 @@ from dynident.errors import FileError
 from dynident.excitation.collision.robot_capsules import robot_capsules
 from dynident.excitation.collision.workspace import Workspace
 from dynident.robot_files import read_robot
-from dynident.robot_files.mesh_files import missing_meshes, package_folders
+from dynident.robot_files.meshes import missing_meshes, package_folders
 from dynident.robot_files.ros_packages import package_folder
 from two_joint_arm import URDF
 

@@ -15,13 +15,12 @@ from typing import Any
 
 import pytest
 
-from dynident.cli.pools import cluster_of
+from dynident.cli.jobs import cluster_of
 from dynident.errors import BadOption, LogMismatch, PoolFailed
 from dynident.workers import dask_pool
 from dynident.workers.dask_pool import DaskPool
-from dynident.workers.lifetime import uninterrupted_start
 from dynident.workers.pool import Done, Here, Pool, Tell
-from dynident.workers.processes import Processes, local_pool
+from dynident.workers.processes import Processes, local_pool, uninterrupted_start
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from benchmarks.speed.designs import Loop, ur10_design
 from benchmarks.speed.harness import Line, Record, Times
 from dynident.arrays import Array
 from dynident.excitation.design.design_problem import GUARD, DesignProblem
-from dynident.excitation.design.design_search import Trail, candidates
 from dynident.excitation.design.feasibility import feasible_start
+from dynident.excitation.design.start import Trail, candidates
 
 SEEDS, GOAL, SLACK, CAP = (0, 1), 30.0, 2e-3, 60.0
 HERE, DIFFERENCES = "SLSQP, exact gradients, p-norm", "SLSQP, differences over a Pinocchio loop"

@@ -17,8 +17,8 @@ from benchmarks.speed import figaroh_search
 from benchmarks.speed.designs import ur10_design
 from benchmarks.speed.harness import Line, Record, Times
 from benchmarks.speed.rows.excitation import GOAL, HERE, SEEDS, until_reached
-from dynident.excitation.design.design_search import Trail, candidates
 from dynident.excitation.design.feasibility import feasible_start
+from dynident.excitation.design.start import Trail, candidates
 
 CAP = 60.0  # s of the processor for each run of FIGAROH
 FIGAROH = "FIGAROH, spline and IPOPT"

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynident.actuators.arm_motion import arm_loads
-from dynident.actuators.arm_rollout import arm_rolled_out
+from dynident.actuators.arm_motion import arm_loads, arm_rolled_out
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.joint_load import JointLoad
 from dynident.actuators.parameters import PLACE

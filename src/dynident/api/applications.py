@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from dynident.api.files_of_fit import file_of_fit
+from dynident.api.estimate_output import file_of_fit
 from dynident.api.given_robots import RobotLike, robot_of
 from dynident.api.validate import read_log
 from dynident.applications import symbolic

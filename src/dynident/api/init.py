@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dynident.api.case_logs import logs_named
 from dynident.api.log_checks import case_of_model
-from dynident.api.named_logs import logs_named
 from dynident.case.case_draft import Draft, draft_case, told_gravity
 from dynident.data.log_places import is_address
 from dynident.diagnosis.causes.gravity_direction import followed_gravity

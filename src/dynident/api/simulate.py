@@ -10,8 +10,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.case import Case
 from dynident.case.cell_section import CellSetup, read_cell
-from dynident.case.simulated_bag import BAGS, write_bag
-from dynident.case.simulated_log import case_columns, wants_current, write_columns
+from dynident.case.simulated_log import BAGS, case_columns, wants_current, write_bag, write_columns
 from dynident.diagnosis.earlier import check_same
 from dynident.errors import BadOption
 from dynident.excitation.design.plan import Plan

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dynident.api.case_logs import read_data, seen_logs
-from dynident.api.files_of_fit import file_of_fit
+from dynident.api.estimate_output import file_of_fit
 from dynident.api.given_logs import LogLike, logs_of
 from dynident.api.log_checks import check_logs
 from dynident.applications.standstill import with_rest

@@ -19,9 +19,8 @@ from dynident.case.case_values import find_file, guarded, model_place, robot_nam
 from dynident.case.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.case.constraints_file import constraints_of
 from dynident.case.log_section import led_by_joints, read_columns
-from dynident.case.part_sections import AUTO, PartChoice, estimator_of, friction_of, preprocessing_of
+from dynident.case.part_sections import AUTO, PartChoice, estimator_of, friction_of, preprocessing_of, robot_of
 from dynident.case.questions import check_answered, without_open_gains
-from dynident.case.robot_sections import robot_of
 from dynident.data.formats import ColumnMap
 from dynident.data.log import Log
 from dynident.data.log_of_robot import read_signals, read_with

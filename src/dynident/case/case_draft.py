@@ -16,7 +16,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.case_values import model_place
 from dynident.case.draft.case_text import Files, case_text
-from dynident.case.draft.command_topics import command_topics, recording, topic_of_joints
+from dynident.case.draft.commands import command_topics, recording, topic_of_joints
 from dynident.case.draft.joint_choice import outside_limits
 from dynident.case.draft.long_table import refuse_long
 from dynident.case.draft.moving_base import moving_base

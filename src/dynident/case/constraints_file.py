@@ -53,7 +53,7 @@ def constraints_of(section: Section, robot: Robot, robot_path: str = "") -> Cons
         DescriptionError: A link that the robot does not have, or a value that cannot be.
     """
     links = section.section("links", [link.name for link in robot.links]) if section.has("links") else None
-    from dynident.robot_files.mesh_files import mesh_places  # few cases need it
+    from dynident.robot_files.meshes import mesh_places  # few cases need it
 
     places = mesh_places(robot, robot_path) if robot_path else ()
     found = {

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dynident.case.case import VERSIONS
+from dynident.case.part_sections import DRIVE_KEYS
 from dynident.case.questions import ASK, MARK
-from dynident.case.robot_sections import DRIVE_KEYS
 from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place
 from dynident.model.robot import Robot

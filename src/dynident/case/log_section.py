@@ -1,16 +1,18 @@
-"""The keys ``joints`` and ``log`` of a case file: which columns are which signals, and in which units."""
+"""The keys ``joints`` and ``log`` of a case file: which columns are which signals, and in which units.
+
+A profile gives the columns of a maker; what the user states goes before it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from dynident.case.case_values import LEVER_ARM, guarded, one_or_many, part_of, texts
-from dynident.case.profile_columns import SIDED, profile_columns
 from dynident.data.formats import FORMATS, ColumnMap, Units
 from dynident.data.formats._units import QUANTITY, unit_of
-from dynident.data.profiles import pattern_names
+from dynident.data.profiles import PROFILES, Channel, Profile, pattern_names
 from dynident.data.profiles.base import MARKS, SIDES
 from dynident.errors import BadOption
 from dynident.model.documents.sections import Section
@@ -156,3 +158,70 @@ def _column_names(section: Section, key: str, joints: Sequence[str]) -> tuple[st
         step = "write a list, or a pattern as q{}"
         raise section.place(key).error(f"one name '{value}' for {len(joints)} joints", step)
     return pattern_names(value, joints)
+
+
+#: Signals that have a side: those of motion and torque. A current is always the motor's.
+SIDED = ("q", "dq", "ddq", "torque", "raw_torque", "q_ref", "dq_ref")
+
+
+def profile_columns(
+    profile: str | Profile,
+    joints: Sequence[str],
+    units: Mapping[str, str | tuple[str, ...]] | None = None,
+    stated: Mapping[str, Any] | None = None,
+) -> ColumnMap:
+    """Return how the columns of a log become signals by a profile.
+
+    Args:
+        profile: Name of the profile, or the profile.
+        joints: Names of the joints, in the order of their numbers.
+        units: Units that stand in place of the profile's, by quantity; words of the case file.
+        stated: Fields of :class:`ColumnMap`, by name, that stand in place of the profile's.
+
+    Raises:
+        UnknownChoice: No such profile.
+        BadOption: A unit that only the user can know is missing, or a column is not what it is read as.
+    """
+    name = profile if isinstance(profile, str) else PROFILES.name_of(profile)
+    found = PROFILES.make(profile)
+    channels = found.read_channels()
+    columns: dict[str, Any] = {
+        signal: channels[signal].names(joints) if signal in channels else () for signal in QUANTITY
+    }
+    columns |= stated or {}
+    _check(name, found, columns)
+    used = {signal: _channel(found, signal, columns[signal]) for signal in QUANTITY if columns[signal]}
+    words: dict[str, Any] = {"time": found.time_unit} if columns.get("time", found.time) == found.time else {}
+    for signal, channel in used.items():
+        quantity = QUANTITY[signal]
+        if channel is None or quantity == "temperature" or quantity in words or quantity in (units or {}):
+            continue
+        if not channel.unit:
+            step = f"state it (units: {{{quantity}: ...}}): {name} does not state it ({channel.note})"
+            raise BadOption(f"units.{quantity}", None, step)
+        words[quantity] = channel.unit
+    motor = [s for s, channel in used.items() if channel is not None and channel.side == "motor" and s in SIDED]
+    optional = [s for s, channel in channels.items() if not channel.needed and s not in (stated or {})]
+    settings: dict[str, Any] = {"time": found.time, "motor": tuple(motor), "optional": tuple(optional)}
+    words |= dict(units or {})
+    settings["units"] = Units(**words)
+    return ColumnMap(joints=tuple(joints), **(settings | columns))
+
+
+def _check(name: str, profile: Profile, columns: Mapping[str, Any]) -> None:
+    """Refuse columns of the profile that are read as another quantity than they are, such as currents as torques."""
+    forced = columns.get("force", ())
+    for signal, quantity in QUANTITY.items():
+        for column in columns[signal] or ():
+            known = [channel for channel in profile.channels if channel.matches(column)]
+            if known and signal not in forced and quantity not in {QUANTITY[channel.signal] for channel in known}:
+                step = f"in {name} it is a {QUANTITY[known[0].signal]}; map another column, or say force: [{signal}]"
+                raise BadOption(signal, column, step)
+
+
+def _channel(profile: Profile, signal: str, names: Sequence[str]) -> Channel | None:
+    """Return the channel of the profile that the columns of a signal are; None for columns that it does not know."""
+    for channel in profile.channels:
+        if QUANTITY[channel.signal] == QUANTITY[signal] and all(channel.matches(name) for name in names):
+            return channel
+    return None

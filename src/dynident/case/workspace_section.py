@@ -24,7 +24,7 @@ from dynident.model.documents.numbers import check_name, shown
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule
-from dynident.robot_files.mesh_files import mesh_places
+from dynident.robot_files.meshes import mesh_places
 from dynident.robot_files.rotations import rotation_from_rpy
 
 KEYS = (

@@ -33,7 +33,7 @@ FREQUENT = ("--real", "--quick", "--methods", "--out", "--jobs", "--html", "--js
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.pools import add_pool_option
+    from dynident.cli.jobs import add_pool_option
 
     parser.add_argument("name", nargs="?", metavar="NAME|FILE", help="benchmark that ships, such as tx40, or a file")
     parser.add_argument("--real", metavar="FOLDER", help="a folder of case files, in place of NAME")
@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _virtual(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
-    from dynident.cli.pools import cluster_of
+    from dynident.cli.jobs import cluster_of
     from dynident.studies.benchmark.experiment import read_experiment
     from dynident.studies.benchmark.motions import motions_of
     from dynident.studies.benchmark.page import write_benchmark_page

@@ -65,8 +65,8 @@ PAIRS = 6
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    from dynident.cli.jobs import add_pool_option
     from dynident.cli.knowledge import add_options
-    from dynident.cli.pools import add_pool_option
 
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot model or built-in example robot")
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; default: those of the case")
@@ -233,7 +233,7 @@ def _design(options: argparse.Namespace, case: Case, known: Knowledge, resume: s
 
     from dynident.api.excite import excite
     from dynident.cli import console
-    from dynident.cli.pools import cluster_of
+    from dynident.cli.jobs import cluster_of
     from dynident.excitation.design.excitation import ROWS_A_SECOND
     from dynident.excitation.design.limits import limits_of
     from dynident.excitation.design.options import DesignKnowledge, SearchOptions, TrajectoryOptions

@@ -283,7 +283,7 @@ def _show_meshes(case: Case) -> None:
     from dynident.case.mesh_bounds import with_mesh_points
     from dynident.cli import console
     from dynident.results.text import label
-    from dynident.robot_files.mesh_files import mesh_count, missing_meshes
+    from dynident.robot_files.meshes import mesh_count, missing_meshes
     from dynident.robot_files.xacro import split_arguments
 
     folders = case.workspace.mesh_folders if case.workspace is not None else ()

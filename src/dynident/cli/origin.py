@@ -59,7 +59,7 @@ def origin_of(estimate: Estimate) -> Origin:
 
 def _read_again(estimate: Estimate) -> Origin:
     from dynident.api.case_logs import read_data
-    from dynident.api.files_of_fit import file_of_fit
+    from dynident.api.estimate_output import file_of_fit
     from dynident.cli import jobs
 
     options = _options(estimate.provenance.get("command"))
@@ -118,6 +118,6 @@ def _is_large(estimate: Estimate) -> bool:
 
 def _place(estimate: Estimate, name: str) -> str:
     """Return the first place of a log of the fit, or a folder of them, that is there; its name where none is."""
-    from dynident.api.files_of_fit import places_of_fit
+    from dynident.api.estimate_output import places_of_fit
 
     return next((str(place) for place in places_of_fit(estimate, name) if place.exists()), name)

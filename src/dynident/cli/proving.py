@@ -36,7 +36,7 @@ def motion_of(estimate: Estimate, options: argparse.Namespace) -> Log:
 def show_motion(proof: MotionProof) -> None:
     """Print what was simulated."""
     from dynident.cli import console
-    from dynident.results.motion_proof import condition_line, followed_line, not_run_lines, runs_table
+    from dynident.results.model_export_view import condition_line, followed_line, not_run_lines, runs_table
 
     console.answer(f"\n{followed_line(proof)}")
     table = runs_table(proof)

@@ -34,8 +34,7 @@ FREQUENT = ("--split", "--jobs", "--skip-bad", "-o", "--json")
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_case_options
-    from dynident.cli.pools import add_pool_option
+    from dynident.cli.jobs import add_case_options, add_pool_option
 
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs; default: those of the case file that train")
@@ -60,9 +59,9 @@ def run(options: argparse.Namespace) -> int:
     from dataclasses import replace
     from pathlib import Path
 
-    from dynident.api.named_logs import logs_named
+    from dynident.api.case_logs import logs_named
     from dynident.cli import console, jobs
-    from dynident.cli.pools import cluster_of
+    from dynident.cli.jobs import cluster_of
     from dynident.data.log_places import is_address
     from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place

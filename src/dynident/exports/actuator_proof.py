@@ -8,8 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dynident.actuators.arm_motion import arm_loads
-from dynident.actuators.arm_rollout import arm_rolled_out
+from dynident.actuators.arm_motion import arm_loads, arm_rolled_out
 from dynident.actuators.estimate import ActuatorEstimate
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.rollout import mean_error, record_of, rolled_out

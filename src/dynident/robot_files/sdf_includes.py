@@ -16,8 +16,7 @@ from dynident.errors import FileError
 from dynident.files import read_at_most
 from dynident.model.documents.numbers import shown
 from dynident.robot_files.ros_packages import package_folder
-from dynident.robot_files.sdf_elements import only_child, version_of
-from dynident.robot_files.sdf_words import check_words
+from dynident.robot_files.sdf_elements import check_words, only_child, version_of
 from dynident.robot_files.xml_elements import Element, XmlLanguage, parse_xml
 
 _SDF: Final = XmlLanguage("SDF", ("sdf",), "link")

@@ -14,6 +14,7 @@ from dynident.model.joint import Drive, JointLimits
 from dynident.model.robot import STANDARD_GRAVITY, Frame, Robot
 from dynident.model.shapes import Shape
 from dynident.robot_files.sdf_elements import (
+    SPRINGS_OF_DRAKE,
     Pose,
     drive_of_joint,
     inertia_of_link,
@@ -31,7 +32,6 @@ from dynident.robot_files.sdf_elements import (
 )
 from dynident.robot_files.sdf_frames import WORLD, SdfFrames
 from dynident.robot_files.sdf_includes import SdfFiles, read_sdf_files
-from dynident.robot_files.sdf_words import SPRINGS_OF_DRAKE
 from dynident.robot_files.tree import Connection, assemble, some, with_unknown
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
 

@@ -34,9 +34,9 @@ from dynident.robot_files.usd_parts import (
     open_stage,
     pxr_module,
     said,
+    shape_of,
     whole_inertia,
 )
-from dynident.robot_files.usd_shapes import shape_of
 
 #: Joints that are read, by the names of their prim types.
 _KINDS: Final[Mapping[str, Literal["fixed", "revolute", "prismatic"]]] = {

@@ -1,11 +1,16 @@
-"""Processes of this machine; one that is over its time is ended, and another takes its place."""
+"""Processes of this machine; one that is over its time is ended, and another takes its place.
+
+None outlives the process that began it, however that ended, and all leave Ctrl-C to it.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
 import signal
+import threading
 import time
 from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -13,7 +18,6 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from dynident.errors import BadOption, PoolFailed
-from dynident.workers.lifetime import end_with_parent, uninterrupted_start
 from dynident.workers.pool import Done, Here, Pool, Tell, Work, check_time_limit
 
 #: What a worker says: that it stands ready, something on its way, a result, or what the work raised.
@@ -196,3 +200,59 @@ def local_pool(jobs: int, time_limit: float | None = None, processor_limit: floa
     if jobs < 1:
         raise BadOption("jobs", jobs, "give 1 or more")
     return Here() if jobs == 1 and time_limit is None and processor_limit is None else Processes(jobs, processor_limit)
+
+
+def end_with_parent() -> None:
+    """End this worker when the process that wants its answer is gone, even one that was killed."""
+    threading.Thread(target=_watch, daemon=True).start()
+
+
+def _watch() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        signal.raise_signal(signal.SIGTERM)
+
+
+@contextmanager
+def uninterrupted_start() -> Generator[None, None, None]:
+    """Start a process within: Ctrl-C of this one takes effect afterwards, and that one inherits it as blocked.
+
+    A terminal interrupts all processes of a command. One that is interrupted while it loads its modules prints a
+    traceback; one that is interrupted while it starts another loses it.
+    """
+    with _delayed(), _blocked():
+        yield
+
+
+@contextmanager
+def _delayed() -> Generator[None, None, None]:
+    """Raise an interrupt of this process at the end, whichever thread it was sent to."""
+    handler: Any = signal.getsignal(signal.SIGINT)
+    if handler is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    interrupts: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, frame: interrupts.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if interrupts:
+            signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _blocked() -> Generator[None, None, None]:
+    """Block the interrupt for this thread, which processes inherit; Windows has no such mask."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker  # not on Windows
+
+    resource_tracker.ensure_running()  # its own start unblocks the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

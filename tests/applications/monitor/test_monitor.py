@@ -20,10 +20,9 @@ from dynident.applications.compensation import (
     parameters_of,
 )
 from dynident.applications.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step, watch
-from dynident.applications.monitor.band import fitted_band, lagged
+from dynident.applications.monitor.band import Tail, fitted_band, lagged, shrunk, tail_of
 from dynident.applications.monitor.equations import Equations
 from dynident.applications.monitor.signals import residuals_of, signals_of
-from dynident.applications.monitor.tails import Tail, shrunk, tail_of
 from dynident.applications.standstill import end_states
 from dynident.data.formats import ColumnMap, write_log
 from dynident.data.preprocessing import Preprocessing

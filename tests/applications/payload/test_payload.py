@@ -15,8 +15,7 @@ from dynident import Estimate, FourierSeries, Inertia, Log, Robot, identify
 from dynident.applications.payload import BeforeRun, CarriedLoad, identify_payload, vendor_forms
 from dynident.applications.payload.flanges import chosen_end, ends_of, frames_beside
 from dynident.applications.payload.gain_doubt import variance_of_shares
-from dynident.applications.payload.possible_body import possible_body
-from dynident.applications.payload.statement import PayloadFit, mass_doubt, stated
+from dynident.applications.payload.statement import PayloadFit, mass_doubt, possible_body, stated
 from dynident.applications.payload.vendor_forms import angles_zyx, forms_of, principal_axes, quaternion
 from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing

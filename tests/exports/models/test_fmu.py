@@ -15,9 +15,8 @@ from test_c_header import bare, states
 
 from dynident.errors import FileError
 from dynident.exports.models import ModelContent, export_model
-from dynident.exports.models.fmu import Fmu
+from dynident.exports.models.fmu import Fmu, Unpacked, unpacked
 from dynident.exports.models.proving.fmu_caller import Unit
-from dynident.exports.models.proving.fmu_proof import Unpacked, unpacked
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.robot import Robot
 

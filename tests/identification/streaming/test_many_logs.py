@@ -18,8 +18,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dynident.api.case_logs import logs_named
 from dynident.api.matching_digests import merged_file
-from dynident.api.named_logs import logs_named
 from dynident.case.case import Case, read_case
 from dynident.data.formats import write_log
 from dynident.data.log import Log

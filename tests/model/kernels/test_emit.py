@@ -13,7 +13,7 @@ import pytest
 from random_arms import Arm
 
 from dynident.arrays import Array
-from dynident.exports.models.writing.c_source import c99_function
+from dynident.exports.models.writing.c_text import c99_function
 from dynident.model.kernels import batched, compiled
 from dynident.model.kernels.compiled import Kernel, kernel, lanes
 from dynident.model.kernels.emit import Access, Buffer, Layout, llvm_assembly

@@ -9,10 +9,9 @@ from itertools import compress
 import numpy as np
 import numpy.typing as npt
 
-from dynident.applications.monitor.band import BandWeights, fitted_band, lagged, shapes
+from dynident.applications.monitor.band import BandWeights, Tail, fitted_band, lagged, shapes, shrunk, tail_of
 from dynident.applications.monitor.momentum_observer import MomentumObserver
 from dynident.applications.monitor.signals import Signals, held_share, residuals_of
-from dynident.applications.monitor.tails import Tail, shrunk, tail_of
 from dynident.applications.standstill import StatePaths, end_states, state_paths
 from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, LogMismatch

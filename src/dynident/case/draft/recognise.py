@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.case.draft.column_groups import groups_of_robot, single_temperatures
-from dynident.case.draft.command_pairs import by_commands
+from dynident.case.draft.commands import by_commands
 from dynident.case.draft.joint_choice import JointChoice, choose_joints, lacking
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
 from dynident.case.draft.readings import NO_NUMBERS, LogReading, band, cutoff_from, longest_part, read_rows
@@ -35,8 +35,7 @@ from dynident.case.draft.stated_units import (
     units_of_profile,
 )
 from dynident.case.draft.tied_columns import with_sums, without_followers
-from dynident.case.draft.time_columns import time_columns, unit_of_time
-from dynident.case.draft.time_unit import time_unit_of, velocity_ratio
+from dynident.case.draft.time_columns import time_columns, time_unit_of, unit_of_time, velocity_ratio
 from dynident.case.draft.unnamed_columns import by_structure, clock_by_values, with_missing_signals, with_named_efforts
 from dynident.case.draft.unread_joints import with_held, without_grippers
 from dynident.case.draft.yaml_words import few, listed, quoted

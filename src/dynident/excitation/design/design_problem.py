@@ -14,6 +14,8 @@ from dynident.excitation.criteria import Criterion
 from dynident.excitation.design.bounds import (
     Bound,
     BoundLabel,
+    ByMotion,
+    ByTorque,
     ClearanceBound,
     Grid,
     KinematicBound,
@@ -22,7 +24,6 @@ from dynident.excitation.design.bounds import (
     TorqueRateBound,
     smooth_parameters,
 )
-from dynident.excitation.design.bounds.base import ByMotion, ByTorque
 from dynident.excitation.design.distances import Distances
 from dynident.excitation.design.limits import MotionLimits, ToolLimit
 from dynident.excitation.design.observation import Observation

@@ -12,8 +12,15 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, FileError
 from dynident.exports.motions._motion import DrivenMotion
 from dynident.exports.motions._printed import Decimals, Printed
-from dynident.exports.motions._programs import Axes, assign, degrees_and_mm, header_lines, name_notes
-from dynident.exports.motions._thinning import clamped_cubic, thinned
+from dynident.exports.motions._programs import (
+    Axes,
+    assign,
+    clamped_cubic,
+    degrees_and_mm,
+    header_lines,
+    name_notes,
+    thinned,
+)
 from dynident.exports.motions.base import MotionContent, MotionExporter, ThinnedPoints
 from dynident.exports.names_in_files import program_name
 

@@ -19,9 +19,10 @@ from dynident.exports.motions._programs import (
     assign,
     degrees_and_mm,
     header_lines,
+    linear,
     name_notes,
+    thinned,
 )
-from dynident.exports.motions._thinning import linear, thinned
 from dynident.exports.motions.base import MotionContent, MotionExporter, ThinnedPoints
 from dynident.exports.names_in_files import program_name
 

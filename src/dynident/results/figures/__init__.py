@@ -2,15 +2,15 @@
 
 from dynident.results.figures.bodies import Scene, mass_scene, scene_chart, scene_text
 from dynident.results.figures.convergence import convergence_chart
-from dynident.results.figures.friction import friction_chart
-from dynident.results.figures.limits import Bounded, limit_chart
 from dynident.results.figures.path import ToolPath, path_chart, tool_path
-from dynident.results.figures.residuals import residual_chart
+from dynident.results.figures.residuals import friction_chart, residual_chart
 from dynident.results.figures.rows import Intervals, error_chart, interval_chart
 from dynident.results.figures.scenery import Scenery, Spot
 from dynident.results.figures.signals import (
+    Bounded,
     TorqueBands,
     TorqueSignals,
+    limit_chart,
     line_chart,
     small_torque_chart,
     torque_chart,

@@ -21,8 +21,7 @@ from dynident.robot_files.mjcf.expansion import Expansion, Placed
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed, pose_of
 from dynident.robot_files.mjcf.scope import MjcfScope
 from dynident.robot_files.tree import Connection, between_joints, numbered
-from dynident.robot_files.xml_elements import MAX_LINKS, Element
-from dynident.robot_files.xml_values import Values
+from dynident.robot_files.xml_elements import MAX_LINKS, Element, Values
 
 WORLD: Final = "world"
 

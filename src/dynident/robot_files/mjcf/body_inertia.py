@@ -11,8 +11,7 @@ from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
 from dynident.robot_files.mjcf.document import CompilerSettings
 from dynident.robot_files.mjcf.poses import ORIENTATIONS, pose_of
-from dynident.robot_files.xml_elements import Element
-from dynident.robot_files.xml_values import Values
+from dynident.robot_files.xml_elements import Element, Values
 
 #: Mass, centre of mass, inertia about it.
 Body = tuple[float, Array, Array]

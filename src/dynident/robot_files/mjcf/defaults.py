@@ -7,8 +7,7 @@ from typing import Final
 
 from dynident.errors import nearest
 from dynident.model.documents.numbers import shown
-from dynident.robot_files.xml_elements import Element
-from dynident.robot_files.xml_values import Values
+from dynident.robot_files.xml_elements import Element, Values
 
 #: All shortcuts of actuators set the same defaults.
 ACTUATORS: Final = frozenset(

@@ -15,8 +15,7 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place, shown
 from dynident.robot_files.mjcf.schema import check_schema
-from dynident.robot_files.xml_elements import Element, XmlLanguage, parse_xml
-from dynident.robot_files.xml_values import Values
+from dynident.robot_files.xml_elements import Element, Values, XmlLanguage, parse_xml
 
 #: Largest file that is included.
 MAX_BYTES: Final = 20_000_000

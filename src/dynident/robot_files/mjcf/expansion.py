@@ -14,8 +14,7 @@ from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed, pose_of
 from dynident.robot_files.mjcf.scope import MjcfScope, Replica
 from dynident.robot_files.rotations import rotation_from_euler
-from dynident.robot_files.xml_elements import MAX_LINKS, Element
-from dynident.robot_files.xml_values import Values
+from dynident.robot_files.xml_elements import MAX_LINKS, Element, Values
 
 #: An element, where it stands in its body, and what holds for it.
 Placed = tuple[Element, Pose, MjcfScope]

@@ -14,15 +14,13 @@ from dynident.errors import DescriptionError, DynidentError, FileError, nearest
 from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
-from dynident.robot_files.mesh_files import folders_above
-from dynident.robot_files.meshes import mesh_triangles
+from dynident.robot_files.meshes import folders_above, mesh_triangles
 from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.poses import Pose, placed, pose_of
 from dynident.robot_files.rotations import rotation_from_quaternion, rotation_to_axis
 from dynident.robot_files.solids import MeshKind, hull_of, mesh_body, solid_body
-from dynident.robot_files.xml_elements import Element
-from dynident.robot_files.xml_values import Values
+from dynident.robot_files.xml_elements import Element, Values
 
 _TYPES: Final = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
 _SIZES: Final = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}

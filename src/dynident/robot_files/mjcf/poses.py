@@ -11,7 +11,7 @@ from dynident.model.documents.numbers import shown
 from dynident.model.joint import rotation_about
 from dynident.robot_files.mjcf.document import CompilerSettings
 from dynident.robot_files.rotations import rotation_from_euler, rotation_from_quaternion, rotation_to_axis
-from dynident.robot_files.xml_values import Values
+from dynident.robot_files.xml_elements import Values
 
 Pose = tuple[Array, Array]
 

@@ -14,8 +14,7 @@ from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument, read_document
 from dynident.robot_files.mjcf.geoms import Geoms
 from dynident.robot_files.tree import some
-from dynident.robot_files.xml_elements import Element
-from dynident.robot_files.xml_values import Values
+from dynident.robot_files.xml_elements import Element, Values
 
 _MAX_ATTACHED: Final = 8
 

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.files import write_atomically
 from dynident.identification.estimate.estimate import Estimate
 from dynident.results.figures import line_chart
-from dynident.results.figures.friction import speed_grid
+from dynident.results.figures.residuals import speed_grid
 from dynident.results.report.builder import ReportPart, build_page
 from dynident.results.report.combinations import combination
 from dynident.results.report.sections.base import drawn

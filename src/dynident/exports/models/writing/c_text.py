@@ -6,6 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -25,12 +26,12 @@ from dynident.exports.models.writing.c_friction import (
     state_updates,
 )
 from dynident.exports.models.writing.c_programs import programs_of, rotor_matrix
-from dynident.exports.models.writing.c_source import Spelling, c99_function
 from dynident.exports.models.writing.c_template import FUNCTIONS, HEAD, MEMORY_FUNCTIONS, MEMORY_TYPE, REGRESSOR, TAIL
 from dynident.exports.models.writing.document import document
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.exports.names_in_files import comment_text, shown_names
 from dynident.model.kernels import batched
+from dynident.model.kernels.trace import TracedProgram
 
 #: Random states of the self-test.
 REFERENCES = 5
@@ -271,3 +272,70 @@ def prefix_of(asked: str, path: Path) -> str:
         return asked
     word = "_".join(re.findall(r"[a-z0-9]+", path.stem.lower()))[:LONGEST].rstrip("_")
     return word if word[:1].isalpha() else f"arm_{word}".rstrip("_")[:LONGEST]
+
+
+_SIGNS = {"add": "+", "sub": "-", "mul": "*"}
+
+
+@dataclass(frozen=True)
+class Spelling:
+    """How a function is spelt.
+
+    Attributes:
+        head: What stands before the name, such as ``static inline void``.
+        real: The type of numbers.
+        sine: Name of the sine.
+        cosine: Name of the cosine.
+        constant: What a constant becomes, ``{}`` its digits.
+    """
+
+    head: str = "void"
+    real: str = "double"
+    sine: str = "sin"
+    cosine: str = "cos"
+    constant: str = "{}"
+
+
+def c99_function(
+    program: TracedProgram, name: str, arrays: Sequence[str], width: int, spelling: Spelling | None = None
+) -> str:
+    """Return the text of ``void name(const double *array, ..., double *out)``.
+
+    Args:
+        program: What to compute; its slots are the entries of ``out``.
+        name: Name of the function.
+        arrays: The arrays that the function takes, in order; at least those that the program reads.
+        width: Number of entries of ``out``; those that the program lacks become 0.
+        spelling: Types and names other than those of C99 with double.
+
+    Raises:
+        ValueError: The program reads an array that is not in ``arrays``.
+    """
+    missing = set(program.arrays) - set(arrays)
+    if missing:
+        raise ValueError(f"the program reads {sorted(missing)}, the function takes {list(arrays)}")
+    spelt = spelling or Spelling()
+    functions = {"sin": spelt.sine, "cos": spelt.cosine}
+    takes = ", ".join(f"const {spelt.real} *{array}" for array in arrays)
+    lines = [f"{spelt.head} {name}({takes}, {spelt.real} *out)", "{"]
+    terms: list[str] = []
+    for number, node in enumerate(program.nodes):
+        if node.operation == "const":
+            terms.append(spelt.constant.format(repr(node.value)))
+            continue
+        operands = [terms[k] for k in node.operands]
+        if node.source is not None:
+            term = f"{node.source.array}[{node.source.entry}]"
+        elif node.operation in _SIGNS:
+            term = f"{operands[0]} {_SIGNS[node.operation]} {operands[1]}"
+        else:
+            term = f"-{operands[0]}" if node.operation == "neg" else f"{functions[node.operation]}({operands[0]})"
+        lines.append(f"    const {spelt.real} v{number} = {term};")
+        terms.append(f"v{number}")
+    lines += [f"    (void){array};" for array in arrays if array not in program.arrays]
+    zero = spelt.constant.format("0.0")
+    lines += [
+        f"    out[{slot}] = {terms[program.outputs[slot]] if slot in program.outputs else zero};"
+        for slot in range(width)
+    ]
+    return "\n".join([*lines, "}"]) + "\n"

@@ -14,7 +14,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.results.figures import friction_chart
-from dynident.results.figures.friction import speed_grid
+from dynident.results.figures.residuals import speed_grid
 from dynident.results.report.sections.base import ReportSection, drawn
 from dynident.results.report.subject import Subject
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit

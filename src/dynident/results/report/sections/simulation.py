@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dynident.results.motion_proof import condition_line, followed_line, not_run_lines, runs_table
+from dynident.results.model_export_view import condition_line, followed_line, not_run_lines, runs_table
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 

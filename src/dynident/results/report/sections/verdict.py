@@ -13,7 +13,6 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.results.figures import error_chart, small_torque_chart
 from dynident.results.plausibility import links_of_unknown_mass
-from dynident.results.report.judgement import GAP, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import Drawing, ReportSection, drawn
 from dynident.results.report.subject import Dataset, Subject
 from dynident.results.short_answer import not_significant, of_training
@@ -255,3 +254,25 @@ def _short(estimate: Estimate, row: int) -> str:
     base = estimate.base
     lead = label(base.parameters[int(base.independent[row])].name)
     return shorten(lead, 40) + (" + …" if np.count_nonzero(base.matrix[row]) > 1 else "")
+
+
+#: A base parameter is well known when its standard deviation is at most this share of its value.
+WELL_KNOWN = 0.10
+
+#: Total relative error up to which a fit is called so.
+GRADES = ((0.05, "very good"), (0.10, "good"), (0.20, "usable"))
+
+#: A test error above this many training errors deserves a word.
+GAP = 1.5
+
+
+def grade(relative_error: float) -> str:
+    """Return a word for a total relative error; ``not known`` for NaN."""
+    if np.isnan(relative_error):
+        return "not known"
+    return next((word for limit, word in GRADES if relative_error <= limit), "poor")
+
+
+def tone(relative_error: float) -> str:
+    """Return ``good``, ``fair`` or ``bad`` for a total relative error."""
+    return {"very good": "good", "good": "good", "usable": "fair"}.get(grade(relative_error), "bad")
