@@ -7,6 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dynident.cli import console, jobs
+from dynident.errors import BadOption, DynidentError
+from dynident.files import check_outputs, check_place, files_behind, write_atomically
+
 if TYPE_CHECKING:
     from dynident.actuators.estimate import ActuatorEstimate
     from dynident.actuators.followed_log import FollowedJoint
@@ -34,9 +38,6 @@ def run(case: Case, options: argparse.Namespace) -> int:
     """
     from dynident.actuators.estimate import as_data, write_actuators
     from dynident.api.actuators import actuators
-    from dynident.cli import console, jobs
-    from dynident.errors import BadOption
-    from dynident.files import check_outputs
 
     for name in _FOREIGN:
         if getattr(options, name):
@@ -61,7 +62,6 @@ def run(case: Case, options: argparse.Namespace) -> int:
 
 
 def _show(found: ActuatorEstimate) -> None:
-    from dynident.cli import console
     from dynident.results.actuator_text import (
         all_warnings,
         bodies_table,
@@ -104,8 +104,6 @@ def excite(case: Case, options: argparse.Namespace, defaults: argparse.Namespace
     """
     from dynident.actuators.command_files import motions_data, write_motions
     from dynident.api.servo_motions import servo_motions
-    from dynident.cli import console
-    from dynident.errors import BadOption
     from dynident.results import servo_motion_text as shown
     from dynident.results.text import counted
 
@@ -153,8 +151,6 @@ def excite(case: Case, options: argparse.Namespace, defaults: argparse.Namespace
 
 def _numbers(name: str, text: str | None) -> list[float] | None:
     """Return the numbers of an option with commas between them; None where it is not stated."""
-    from dynident.errors import BadOption
-
     if text is None:
         return None
     try:
@@ -169,8 +165,6 @@ def _refuse(options: argparse.Namespace, names: Sequence[str], step: str) -> Non
     Raises:
         BadOption: One of them is stated.
     """
-    from dynident.errors import BadOption
-
     for name in names:
         if getattr(options, name):
             raise BadOption(f"--{name.replace('_', '-')}", getattr(options, name), step)
@@ -185,12 +179,9 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     """
     from dynident.actuators.estimate import read_actuators
     from dynident.api.actuators import logs_to_follow
-    from dynident.cli import console
-    from dynident.errors import DynidentError
     from dynident.exports.actuator_files import actuator_file
     from dynident.exports.actuator_proof import simulated_differences
     from dynident.exports.actuator_remarks import export_remarks
-    from dynident.files import check_outputs, write_atomically
 
     _refuse(options, _OF_OTHERS, f"{options.file} holds actuators; leave it out")
     estimate = read_actuators(options.file)
@@ -249,7 +240,6 @@ def validate(options: argparse.Namespace) -> int:
         BadOption: An option that is for logs with torques.
         DynidentError: A log that cannot be read, or a case that is not that of the file any more.
     """
-    from dynident.cli import console
     from dynident.results.actuator_report import errors_table, mean_lines
     from dynident.results.actuator_text import all_warnings
 
@@ -276,8 +266,6 @@ def report(options: argparse.Namespace) -> int:
         BadOption: An option that is for logs with torques.
         DynidentError: As of :func:`validate`.
     """
-    from dynident.cli import console
-
     foreign = ("split", "plan", "case", "no_log_quality", "prove", "motion", "figures", "format")
     estimate, runs = _followed(options, foreign, options.test, options.output)
     if options.json:
@@ -293,8 +281,6 @@ def _followed(
     """Return the actuators of a file and their roll-outs over logs; the page is written where one is asked for."""
     from dynident.actuators.estimate import read_actuators
     from dynident.api.actuators import follow
-    from dynident.cli import console
-    from dynident.files import check_outputs, check_place, files_behind, write_atomically
 
     _refuse(options, foreign, f"{options.estimate} holds actuators; leave it out")
     if page:
@@ -344,7 +330,6 @@ def check(case: Case, options: argparse.Namespace) -> int:
     from dynident.actuators.joint_load import rigid_inertia
     from dynident.actuators.servo_log import kp_values, laws_of
     from dynident.api.actuators import logs_of_servos
-    from dynident.cli import console
     from dynident.diagnosis.servo_findings import arm_findings, servo_findings
     from dynident.results.text import counted
 

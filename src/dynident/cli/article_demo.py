@@ -10,6 +10,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from dynident.cli import console
+from dynident.cli.jobs import repeat_command
+from dynident.files import write_atomically
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -24,7 +28,6 @@ def run_article(folder: Path, options: argparse.Namespace) -> int:
         folder: The folder; it exists.
         options: Seed, iterations, json and quiet of the command.
     """
-    from dynident.cli import console
     from dynident.studies.reproduction import CONVERGED, as_published, virtual_er16
 
     with console.progress(16, options.quiet or options.json) as progress:
@@ -45,7 +48,6 @@ def run_article(folder: Path, options: argparse.Namespace) -> int:
 
 
 def _show(part: ReproductionPart) -> None:
-    from dynident.cli import console
     from dynident.results.text import comparison_table
 
     console.answer_table(comparison_table([row.row() for row in part.rows]), part.title)
@@ -57,9 +59,7 @@ def _show(part: ReproductionPart) -> None:
 def _write(folder: Path, published: ReproductionPart, virtual: ReproductionPart) -> list[str]:
     """Write everything that the demo leaves behind, and return the names."""
     from dynident.api.estimate_output import write_estimate
-    from dynident.cli.jobs import repeat_command
     from dynident.data.formats import write_log
-    from dynident.files import write_atomically
     from dynident.results.report import write_report
 
     names = []

@@ -18,6 +18,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from dynident.cli import console, jobs
+from dynident.cli.jobs import add_pool_option, cluster_of
+from dynident.errors import BadOption, FileError
+from dynident.files import check_place
+
 if TYPE_CHECKING:
     from dynident.studies.benchmark.experiment import Experiment
     from dynident.studies.benchmark.real_sets import Scoreboard
@@ -33,8 +38,6 @@ FREQUENT = ("--real", "--quick", "--methods", "--out", "--jobs", "--html", "--js
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_pool_option
-
     parser.add_argument("name", nargs="?", metavar="NAME|FILE", help="benchmark that ships, such as tx40, or a file")
     parser.add_argument("--real", metavar="FOLDER", help="a folder of case files, in place of NAME")
     what = parser.add_argument_group("what is done")
@@ -64,9 +67,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.errors import BadOption
-    from dynident.files import check_place
-
     if (options.name is None) == (options.real is None):
         from dynident.studies.benchmark.experiment import shipped_benchmarks
 
@@ -81,8 +81,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _virtual(options: argparse.Namespace) -> int:
-    from dynident.cli import console, jobs
-    from dynident.cli.jobs import cluster_of
     from dynident.studies.benchmark.experiment import read_experiment
     from dynident.studies.benchmark.motions import motions_of
     from dynident.studies.benchmark.page import write_benchmark_page
@@ -128,16 +126,12 @@ def _virtual(options: argparse.Namespace) -> int:
 
 def _ended(stopped: bool, done: int, total: int) -> int:
     """Return the exit code, and say where Ctrl-C has ended the run."""
-    from dynident.cli import console
-
     if stopped:
         console.remark(f"stopped: {done} of {total} tasks done")
     return 130 if stopped else 0
 
 
 def _figures(experiment: Experiment, rows: tuple[MethodRow, ...], done: int, total: int) -> dict[str, Any]:
-    from dynident.cli import jobs
-
     return {
         "benchmark": experiment.title,
         "tasks": total,
@@ -149,7 +143,6 @@ def _figures(experiment: Experiment, rows: tuple[MethodRow, ...], done: int, tot
 
 
 def _show(experiment: Experiment, rows: tuple[MethodRow, ...]) -> None:
-    from dynident.cli import console
     from dynident.results.text import counted, label
     from dynident.studies.benchmark import page
 
@@ -163,8 +156,6 @@ def _show(experiment: Experiment, rows: tuple[MethodRow, ...]) -> None:
 
 
 def _real(options: argparse.Namespace) -> int:
-    from dynident.cli import console, jobs
-    from dynident.errors import BadOption, FileError
     from dynident.studies.benchmark.real_sets import RealWork, read_scoreboard
     from dynident.studies.benchmark.records import Records
     from dynident.studies.benchmark.runner import run_tasks
@@ -218,8 +209,6 @@ def _estimators(text: str) -> list[Method]:
 def _real_figures(board: Scoreboard, results: list[Result], total: int) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from dynident.cli import jobs
-
     return {
         "tasks": total,
         "done": len(results),
@@ -237,7 +226,6 @@ def _real_figures(board: Scoreboard, results: list[Result], total: int) -> dict[
 
 
 def _show_real(board: Scoreboard, results: list[Result]) -> None:
-    from dynident.cli import console
     from dynident.studies.benchmark import scoreboard_view as view
 
     table = view.scoreboard_table(board, results)

@@ -16,6 +16,10 @@ import argparse
 from collections.abc import Sequence, Set
 from typing import TYPE_CHECKING, Any
 
+from dynident.cli import console
+from dynident.errors import BadOption, LogMismatch
+from dynident.files import check_outputs, check_place
+
 if TYPE_CHECKING:
     from dynident.case.case import Case
     from dynident.diagnosis.examination import Examination
@@ -42,10 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.case.case import read_case
-    from dynident.cli import console
     from dynident.diagnosis.examination import examine_logs
-    from dynident.errors import BadOption
-    from dynident.files import check_outputs, check_place
 
     case = read_case(options.case, open_gains=True)
     if case.servo is not None:
@@ -79,7 +80,6 @@ def _earlier(case: Case, name: str | None) -> Estimate | None:
     if name is None and not case.prior.endswith(".json"):
         return None
     from dynident.api.validate import check_same_lock  # few need it
-    from dynident.errors import LogMismatch
     from dynident.identification.files.estimate_file import read_estimate
 
     path = name or str(case.find(case.prior))
@@ -96,7 +96,6 @@ def _check_fix(out: str) -> None:
     """Refuse a name whose suffix states no format that logs are written in."""
     from dynident.data.formats import FORMATS
     from dynident.data.formats.base import LogFormat
-    from dynident.errors import BadOption
 
     written = [kind for kind in map(FORMATS.get, FORMATS.names()) if kind.write is not LogFormat.write]
     suffixes = [suffix for kind in written for suffix in kind.suffixes]
@@ -107,7 +106,6 @@ def _check_fix(out: str) -> None:
 def _fixed(examination: Examination, out: str) -> tuple[str, ...]:
     """Write the repaired log, and return the repairs and how it is read."""
     from dynident.diagnosis.repaired_file import write_repaired
-    from dynident.errors import LogMismatch
 
     if examination.repaired is None:
         raise LogMismatch(examination.path, "it cannot be read", examination.findings[0].remedy)
@@ -126,8 +124,6 @@ def _figures(case: Case, found: Sequence[Examination], mends: tuple[str, ...] | 
 
 def show(examination: Examination) -> None:
     """Print what was found, rivals of a likelier cause under it; notes of one kind about several joints as one."""
-    from dynident.cli import console
-
     labels = {finding.label for finding in examination.findings if not finding.beside}
     alone = [finding for finding in examination.findings if finding.beside not in labels]
     groups = _alike(alone, {finding.beside for finding in examination.findings})

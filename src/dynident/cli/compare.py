@@ -17,6 +17,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from dynident.cli import console, jobs, verdicts
+from dynident.cli.jobs import add_case_options, repeat_command
+from dynident.errors import SolverFailed
+from dynident.files import check_outputs, check_place
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -36,8 +41,6 @@ NOT_THE_TRUTH = 1.5
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_case_options
-
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to learn from; default: those of the case file")
     parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not used in the fit")
@@ -77,9 +80,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.api.case_options import with_drive_friction
     from dynident.api.compare import contest_of_case, methods_of
     from dynident.api.log_checks import check_logs, refuse_faulty
-    from dynident.cli import console, jobs, verdicts
     from dynident.diagnosis.verdict import Verdict, check_lines, errors_in
-    from dynident.files import check_outputs, check_place
     from dynident.studies.comparison.compare import ranked
 
     if options.report:
@@ -145,8 +146,6 @@ def _report(
     """Write the report about the case's estimator: the best of the table is chosen by what it would be tested on."""
     from dataclasses import replace
 
-    from dynident.cli.jobs import repeat_command
-    from dynident.errors import SolverFailed
     from dynident.results.report import write_report
     from dynident.studies.comparison.comparison_view import comparison_of
 
@@ -169,7 +168,6 @@ def _report(
 
 def _figures(contest: Contest, table: Sequence[Outcome], stopped: bool) -> dict[str, Any]:
     from dynident.arrays import finite, plain
-    from dynident.cli.jobs import repeat_command
 
     problem = contest.problem
     return {
@@ -196,7 +194,6 @@ def _with_rank(outcome: Outcome, table: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def _show(contest: Contest, table: Sequence[Outcome]) -> None:
-    from dynident.cli import console
     from dynident.results.text import comparison_table, in_words
     from dynident.studies.comparison.comparison_view import comparison_rows, percent
 

@@ -12,7 +12,11 @@ as published, and on a virtual robot whose true parameters are known.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from dynident.cli import console, jobs, verdicts
+from dynident.errors import BadOption, FileError
 
 if TYPE_CHECKING:
     from dynident.api.demo import Demo
@@ -42,13 +46,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from pathlib import Path
-
     from dynident.api.demo import run_demo
     from dynident.api.estimate_output import summary
-    from dynident.cli import console, jobs
     from dynident.cli.article_demo import run_article
-    from dynident.errors import BadOption, FileError
 
     is_article = options.what == "article"
     for name in ("seed", "iterations"):
@@ -77,7 +77,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _show(demo: Demo) -> None:
-    from dynident.cli import console, verdicts
     from dynident.diagnosis.verdict import verdict_of
     from dynident.results.text import Column, Table
 
@@ -93,8 +92,6 @@ def _show(demo: Demo) -> None:
 
 
 def _name(done: ModelExport) -> str:
-    from pathlib import Path
-
     return Path(done.files[0]).name
 
 

@@ -10,6 +10,10 @@ Base parameters are compared by their standard deviations, torques on random sta
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+
+from dynident.cli import console
+from dynident.files import check_outputs, check_place
 
 SUMMARY = "two or more estimates of one robot side by side"
 
@@ -24,8 +28,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.cli import console
-    from dynident.files import check_outputs, check_place
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.studies.comparison import difference_page as page
     from dynident.studies.comparison.difference import difference
@@ -57,7 +59,5 @@ def run(options: argparse.Namespace) -> int:
 
 def _names(files: list[str]) -> list[str]:
     """Return names of files without their folders and suffixes where that tells them apart."""
-    from pathlib import Path
-
     short = [Path(file).stem for file in files]
     return short if len(set(short)) == len(short) else files

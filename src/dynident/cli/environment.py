@@ -23,6 +23,9 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+from dynident.cli import console
+from dynident.cli.console import answer
+
 SUMMARY = "what is installed and from where, and what is wrong with it"
 
 #: What each extra is for.
@@ -66,8 +69,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.cli import console
-
     facts = environment()
     if options.json:
         console.answer_json(facts)
@@ -313,8 +314,6 @@ def _variable_findings(variables: dict[str, str]) -> list[dict[str, str]]:
 
 
 def _show(facts: dict[str, Any]) -> None:
-    from dynident.cli.console import answer
-
     own, python = facts["dynident"], facts["python"]
     answer(f"dynident {own['version'] or '(not installed)'} from {own['place']}{' (editable)' * own['editable']}")
     virtual = "virtual environment" if python["virtual"] else "no virtual environment"
@@ -352,8 +351,6 @@ def _show(facts: dict[str, Any]) -> None:
 
 
 def _show_caches(caches: list[dict[str, Any]]) -> None:
-    from dynident.cli.console import answer
-
     size = f"{sum(one['bytes'] for one in caches) / 1e6:.1f} MB in {sum(one['files'] for one in caches)} files"
     places = sorted({one["place"] for one in caches if one["place"]})
     root = os.path.commonpath(places) if places else "nowhere"
@@ -362,8 +359,6 @@ def _show_caches(caches: list[dict[str, Any]]) -> None:
 
 
 def _columns(rows: list[tuple[str, ...]]) -> None:
-    from dynident.cli.console import answer
-
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     for row in rows:
         answer("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

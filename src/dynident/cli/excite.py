@@ -30,6 +30,13 @@ import argparse
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from dynident.cli import console
+from dynident.cli.jobs import add_pool_option, cluster_of
+from dynident.cli.knowledge import add_options, files_of, knowledge_of
+from dynident.cli.plans import is_plan
+from dynident.errors import BadOption, FileError
+from dynident.files import check_outputs, check_place
+
 if TYPE_CHECKING:
     from dynident.case.case import Case
     from dynident.cli.console import Progress
@@ -65,9 +72,6 @@ PAIRS = 6
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_pool_option
-    from dynident.cli.knowledge import add_options
-
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot model or built-in example robot")
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; default: those of the case")
     motion = parser.add_argument_group("motion")
@@ -135,8 +139,6 @@ def _add_servo_options(motion: argparse._ArgumentGroup) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.case.case import read_case
-    from dynident.cli.plans import is_plan
-    from dynident.errors import BadOption, FileError
 
     if is_plan(options.case):
         step = "give the case or robot to design for; 'dynident inspect' shows a plan, 'dynident export' writes it"
@@ -162,8 +164,6 @@ def _designed(case: Case, options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from dynident.api.excite import case_clearance
-    from dynident.cli import console
-    from dynident.cli.knowledge import knowledge_of
     from dynident.excitation.design.plan import plan_data, write_plan, write_samples
     from dynident.model.friction import FRICTION
 
@@ -191,7 +191,6 @@ def _designed(case: Case, options: argparse.Namespace) -> int:
 def _known_before(friction: tuple[Friction, ...], quiet: bool) -> tuple[Friction, ...]:
     """Return the parts whose columns follow from the motion alone; those that depend on a log are named."""
     from dynident.api.excite import friction_of_motion
-    from dynident.cli import console
     from dynident.model.friction import FRICTION
 
     kept = friction_of_motion(friction)
@@ -204,10 +203,6 @@ def _known_before(friction: tuple[Friction, ...], quiet: bool) -> tuple[Friction
 
 def _checked(case: Case, options: argparse.Namespace) -> str | None:
     """Return the file of finished starts, all names of files and numbers checked."""
-    from dynident.cli.knowledge import files_of
-    from dynident.errors import BadOption
-    from dynident.files import check_outputs, check_place
-
     resume = options.resume
     if resume == "":
         if not options.output:
@@ -232,8 +227,6 @@ def _design(options: argparse.Namespace, case: Case, known: Knowledge, resume: s
     from dataclasses import replace
 
     from dynident.api.excite import excite
-    from dynident.cli import console
-    from dynident.cli.jobs import cluster_of
     from dynident.excitation.design.excitation import ROWS_A_SECOND
     from dynident.excitation.design.limits import limits_of
     from dynident.excitation.design.options import DesignKnowledge, SearchOptions, TrajectoryOptions
@@ -288,7 +281,6 @@ def _teller(progress: Progress, criterion: str) -> Callable[[SearchState], None]
 
 
 def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
-    from dynident.cli import console
     from dynident.results.plan_view import figures_table, outlook_table
     from dynident.results.text import label
 
@@ -311,7 +303,6 @@ def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
 
 
 def _show_limits(plan: Plan) -> None:
-    from dynident.cli import console
     from dynident.results.plan_view import rows_table
 
     pairs = sorted((row for row in plan.rows if row.quantity == "clearance"), key=lambda row: -row.used)

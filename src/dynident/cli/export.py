@@ -33,6 +33,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from dynident.cli import console, proving
+from dynident.cli.proving import show_motion
+from dynident.errors import BadArgument, BadOption
+from dynident.files import check_outputs, files_behind
+
 if TYPE_CHECKING:
     from dynident.excitation.design.plan import Plan
     from dynident.exports.models import ModelExport
@@ -104,7 +109,6 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.actuators import is_actuators
     from dynident.api.export import check_target, is_estimate, read_subject
-    from dynident.errors import BadOption
     from dynident.excitation.design.plan import Plan
 
     if is_actuators(options.file):
@@ -126,9 +130,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _export_plan(options: argparse.Namespace, plan: Plan) -> int:
     from dynident.api.export import export
-    from dynident.cli import console
     from dynident.exports.motions import MOTION_EXPORTERS, Playback, motion_export_data
-    from dynident.files import check_outputs
 
     part = MOTION_EXPORTERS.make_from_text(options.to, _pairs(options.option))
     given = {name: getattr(options, name) for name in ("rate", "repeats", "speed")}
@@ -150,9 +152,7 @@ def _export_plan(options: argparse.Namespace, plan: Plan) -> int:
 
 def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
     from dynident.api.export import export
-    from dynident.cli import console, proving
     from dynident.exports.models import MODEL_EXPORTERS, model_export_data
-    from dynident.files import check_outputs, files_behind
 
     part = MODEL_EXPORTERS.make_from_text(options.to, _pairs(options.option))
     inputs = (options.file, options.description or "", *files_behind(estimate.provenance))
@@ -180,8 +180,6 @@ def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
 
 
 def _write_layer(options: argparse.Namespace, estimate: Estimate) -> int:
-    from dynident.cli import console
-    from dynident.errors import BadArgument, BadOption
     from dynident.exports.usd_layer import write_usd_layer
 
     unread = ("option", "no_proof", "prove", "motion", "check", "json")
@@ -203,15 +201,11 @@ def _write_layer(options: argparse.Namespace, estimate: Estimate) -> int:
 
 
 def _remark(options: argparse.Namespace, files: tuple[str, ...]) -> None:
-    from dynident.cli import console
-
     for file in files:
         console.remark(f"{'would write' if options.check else 'saved'} {file}", options.quiet)
 
 
 def _pairs(items: list[str]) -> dict[str, str]:
-    from dynident.errors import BadOption
-
     found: dict[str, str] = {}
     for item in items:
         key, equals, value = item.partition("=")
@@ -224,8 +218,6 @@ def _pairs(items: list[str]) -> dict[str, str]:
 def _posture(text: str | None, plan: Plan, units: str) -> Any:
     """Return the posture in SI units, the word for the first posture, or None."""
     import math
-
-    from dynident.errors import BadOption
 
     if text is None or text.strip() == "start":
         return text and text.strip()
@@ -240,7 +232,6 @@ def _posture(text: str | None, plan: Plan, units: str) -> Any:
 
 
 def _show(export: MotionExport) -> None:
-    from dynident.cli import console
     from dynident.results.plan_view import rows_table
     from dynident.results.text import label
 
@@ -261,8 +252,6 @@ def _show(export: MotionExport) -> None:
 
 
 def _show_model(export: ModelExport) -> None:
-    from dynident.cli import console
-    from dynident.cli.proving import show_motion
     from dynident.results.model_export_view import left_out_lines, not_proved_lines, proofs_table
     from dynident.results.text import label
 

@@ -13,8 +13,14 @@ none, any robot is named with the probability --rate. QR factors need not determ
 from __future__ import annotations
 
 import argparse
+import json
+from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
+
+from dynident.cli import console, jobs
+from dynident.errors import BadOption, FileError
+from dynident.files import check_outputs, unreadable, write_atomically
 
 if TYPE_CHECKING:
     from dynident.applications.fleet import Fleet, FleetRobot
@@ -48,14 +54,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    import json
-    from pathlib import Path
-
     from dynident.api.estimate_output import write_estimate
     from dynident.applications.fleet import fleet_of
-    from dynident.cli import console, jobs
-    from dynident.errors import BadOption, FileError
-    from dynident.files import check_outputs, write_atomically
 
     places: list[str] = []
     if options.output:
@@ -90,10 +90,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _read(file: str) -> FleetRobot:
     """Return the robot of an estimate or of a triangle file, whichever it is by its first bytes."""
-    from pathlib import Path
-
     from dynident.applications.fleet import robot_of_digest, robot_of_estimate
-    from dynident.files import unreadable
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.identification.streaming.triangle_file import read_digest
 
@@ -109,7 +106,6 @@ def _read(file: str) -> FleetRobot:
 def _show(fleet: Fleet) -> None:
     import numpy as np
 
-    from dynident.cli import console
     from dynident.results.text import Column, Table, format_number, format_percent, format_value, label, pretty_unit
     from dynident.results.text import shorten as shortened
 

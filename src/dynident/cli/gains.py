@@ -18,7 +18,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from dynident.cli import console, jobs
+from dynident.errors import BadOption
+from dynident.files import check_outputs, check_place, unreadable, write_atomically
 
 if TYPE_CHECKING:
     from dynident.applications.drive_gains import CarriedBody, DriveGains
@@ -64,9 +69,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.case.drives_text import case_with_drives, drives_section, stated_drives
-    from dynident.cli import console, jobs
-    from dynident.errors import BadOption
-    from dynident.files import check_outputs, check_place, write_atomically
 
     payload = _payload(options)
     options.split, options.test, options.rate = None, [], None  # not asked for here
@@ -109,7 +111,6 @@ def _payload(options: argparse.Namespace) -> CarriedBody | None:
     import numpy as np
 
     from dynident.applications.drive_gains import CarriedBody
-    from dynident.errors import BadOption
 
     stated = [name for name in ("mass", "com", "inertia") if getattr(options, name) is not None]
     if not options.load:
@@ -133,8 +134,6 @@ def _payload(options: argparse.Namespace) -> CarriedBody | None:
 
 
 def _numbers(option: str, text: str | None, count: int) -> list[float] | None:
-    from dynident.errors import BadOption
-
     if text is None:
         return None
     try:
@@ -148,10 +147,6 @@ def _numbers(option: str, text: str | None, count: int) -> list[float] | None:
 
 def _case_text(case: Case) -> bytes:
     """Return the bytes of the case file; none for a case made from a robot alone."""
-    from pathlib import Path
-
-    from dynident.files import unreadable
-
     if not case.path:
         return b""
     try:
@@ -166,7 +161,6 @@ def _found(
     """Return the drive gains of the logs that are named."""
     from dynident.api.case_options import prior_of
     from dynident.applications.drive_gains import GainOptions, gains_from_payload, gains_from_prior
-    from dynident.errors import BadOption
 
     progress.step("reading")
     without = [case.read_currents(name) for name in names]
@@ -223,7 +217,6 @@ def _lines(found: DriveGains) -> dict[str, GainLine]:
 
 
 def _show(found: DriveGains, section: str, output: str | None) -> None:
-    from dynident.cli import console
     from dynident.results.text import format_number, in_words, label
 
     console.answer(f"drive gains by the method '{found.method}'; the scale is set by {found.scale}")

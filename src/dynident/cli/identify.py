@@ -30,6 +30,10 @@ from collections.abc import Callable
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
+from dynident.cli import console, jobs, verdicts
+from dynident.errors import BadOption
+from dynident.files import check_outputs, check_place
+
 if TYPE_CHECKING:
     from dynident.case.case import Case
     from dynident.data.log import Log
@@ -57,8 +61,6 @@ FREQUENT = (
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli import jobs
-
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to learn from; default: those of the case file")
     parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not used in the fit")
@@ -105,9 +107,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.api.estimate_output import summary, write_estimate
     from dynident.api.validate import compared
     from dynident.case.acceptance import with_accept
-    from dynident.cli import console, jobs, verdicts
     from dynident.diagnosis.verdict import verdict_of
-    from dynident.files import check_outputs, check_place
 
     for place in filter(None, (options.output, options.report)):
         check_place(place)
@@ -163,8 +163,6 @@ def _estimate(
     from dynident.api.case_logs import read_data, test_logs
     from dynident.api.case_options import estimator_of, with_drive_friction
     from dynident.api.identify import DEFAULT_TRUST, Record, identify
-    from dynident.cli import jobs
-    from dynident.errors import BadOption
     from dynident.identification.estimators import ESTIMATORS
 
     estimator = estimator_of(case, options.estimator, [*options.option, *["ranges=true"] * options.ranges])
@@ -200,7 +198,6 @@ def _digest(
     """
     from dynident.api.case_logs import digest_of_file, is_streamed, reduced_logs
     from dynident.api.log_checks import check_heads, refuse_faulty
-    from dynident.errors import BadOption
 
     if not options.triangles:
         asked = "--bootstrap" * bool(options.bootstrap) or "--cross-validate" * bool(options.cross_validate)
@@ -220,7 +217,6 @@ def _digest(
 
 
 def _show(estimate: Estimate, test: Validation | None) -> None:
-    from dynident.cli import console, verdicts
     from dynident.diagnosis.warnings import warnings_of
     from dynident.results.choices import choice_tables, cutoff_lines
     from dynident.results.plausibility import plausibility_lines

@@ -12,7 +12,12 @@ are); where the value is the word 'ask', the case cannot be used before it is an
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from shlex import quote
+
+from dynident.cli import console
+from dynident.errors import BadOption, FileError
+from dynident.files import check_outputs, write_atomically
 
 SUMMARY = "a commented case file from a robot and its logs"
 
@@ -38,13 +43,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from pathlib import Path
-
     from dynident.api.init import LogKind, init
     from dynident.case.case_draft import draft_summary
-    from dynident.cli import console
-    from dynident.errors import FileError
-    from dynident.files import check_outputs, write_atomically
 
     if Path(options.output).exists() and not options.force:
         raise FileError(options.output, "it is there already", "choose another name with -o, or give --force")
@@ -69,8 +69,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _format_options(options: argparse.Namespace) -> dict[str, str | None]:
-    from dynident.errors import BadOption
-
     found: dict[str, str | None] = {}
     for item in options.format_option:
         key, equals, value = item.partition("=")

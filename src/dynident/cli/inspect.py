@@ -16,6 +16,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from dynident.cli import console, plans
+from dynident.cli.plans import is_plan
+from dynident.errors import BadOption, SolverFailed
+from dynident.files import check_outputs, check_place
+
 if TYPE_CHECKING:
     from dynident.applications.symbolic import SymbolicModel
     from dynident.case.case import Case
@@ -57,15 +62,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.cli.plans import is_plan
-
     return _run_plan(options) if is_plan(options.case) else _run_robot(options)
 
 
 def _run_plan(options: argparse.Namespace) -> int:
-    from dynident.cli import console, plans
-    from dynident.errors import BadOption
-    from dynident.files import check_outputs, check_place
     from dynident.results.plan_view import inspection_data
 
     if options.friction is not None:
@@ -96,8 +96,6 @@ def _run_robot(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from dynident.case.case import read_case
-    from dynident.cli import console
-    from dynident.errors import BadOption
     from dynident.model.base_parameters import base_parameters
     from dynident.model.friction import FRICTION
 
@@ -131,7 +129,6 @@ def _run_robot(options: argparse.Namespace) -> int:
 
 def _equations(model: DynamicModel, chosen: list[str]) -> SymbolicModel:
     from dynident.applications.symbolic import symbolic_model
-    from dynident.errors import BadOption
 
     try:
         return symbolic_model(model)
@@ -152,7 +149,6 @@ def _texts(equations: SymbolicModel, chosen: list[str]) -> dict[str, Any]:
 
 
 def _show_equations(equations: SymbolicModel, chosen: list[str]) -> None:
-    from dynident.cli import console
     from dynident.results.text import label
 
     texts, names = _texts(equations, chosen), equations.model.robot.joint_names
@@ -193,7 +189,6 @@ def _agreement(base: BaseParameters, exact: int) -> str:
 def _exact_count(model: DynamicModel) -> int | None:
     """Return the number of base parameters without any sampling; None where the geometry leaves it open."""
     from dynident.applications.identifiability import structure
-    from dynident.errors import SolverFailed
 
     springs = any(part.is_spring for part in model.friction)  # they act as weight
     if model.robot.chain.has_mimic or springs:
@@ -241,7 +236,6 @@ def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[
 
 def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
     from dynident.arrays import vector_text
-    from dynident.cli import console
     from dynident.results.plausibility import nominal_state
     from dynident.results.text import Column, Table, format_given, label, pretty_unit
 
@@ -281,7 +275,6 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
 def _show_meshes(case: Case) -> None:
     """Say where mesh files are missing, or say nothing about their links: clearances and sizes of bodies need them."""
     from dynident.case.mesh_bounds import with_mesh_points
-    from dynident.cli import console
     from dynident.results.text import label
     from dynident.robot_files.meshes import mesh_count, missing_meshes
     from dynident.robot_files.xacro import split_arguments
@@ -307,7 +300,6 @@ def _show_meshes(case: Case) -> None:
 
 
 def _show_weak(base: BaseParameters) -> None:
-    from dynident.cli import console
     from dynident.results.text import Column, Table, label
 
     if len(base.weak):

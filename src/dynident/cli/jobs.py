@@ -8,6 +8,9 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from dynident.cli import console
+from dynident.errors import BadOption
+
 if TYPE_CHECKING:
     from dynident.case.case import Case
 
@@ -117,7 +120,6 @@ def with_logs(case: Case, options: argparse.Namespace) -> Case:
         MissingDependency: An address, and fsspec is not installed.
     """
     from dynident.api.case_logs import with_logs as with_named
-    from dynident.cli import console
 
     given = options.logs or getattr(options, "triangles", None)  # not every command has them
     test = options.test or (() if options.logs else None)
@@ -153,7 +155,6 @@ def cluster_of(options: argparse.Namespace) -> Pool | None:
     """
     if options.scheduler is None:
         return None
-    from dynident.errors import BadOption
     from dynident.workers.dask_pool import DaskPool
 
     if options.jobs != 1:

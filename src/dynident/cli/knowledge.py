@@ -6,6 +6,8 @@ import argparse
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dynident.errors import BadOption
+
 if TYPE_CHECKING:
     from dynident.arrays import Array
     from dynident.case.case import Case
@@ -90,8 +92,6 @@ def knowledge_of(options: argparse.Namespace, case: Case, model: DynamicModel) -
     Raises:
         DynidentError: A fault of a file, or options that do not go together.
     """
-    from dynident.errors import BadOption
-
     for first, second in (("noise", "noise_from"), ("earlier", "earlier_logs")):
         if getattr(options, first) and getattr(options, second):
             name = second.replace("_", "-")
@@ -137,7 +137,6 @@ def _earlier(
         return prior, noise_of(estimate), f"residuals of {options.earlier}", _rows_a_second(estimate)
     if options.earlier_logs:
         from dynident.diagnosis.earlier import prior_of_logs
-        from dynident.errors import BadOption
         from dynident.identification.selection.cutoff.choice import with_cutoff
 
         logs = [case.read(name) for name in options.earlier_logs]
@@ -156,7 +155,6 @@ def _model(options: argparse.Namespace, model: DynamicModel) -> tuple[Array | No
     if not options.model:
         return None, None
     from dynident.diagnosis.earlier import check_same
-    from dynident.errors import BadOption
     from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
     from dynident.identification.files.estimate_file import read_estimate
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 
+from dynident.cli import console
 from dynident.cli.parser import KINDS
 
 SUMMARY = "the parts to choose from, with their options"
@@ -38,8 +39,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.cli import console
-
     chosen = [options.family] if options.family else list(FAMILIES)
     data = {}
     with console.progress(len(chosen), options.json or not sys.stderr.isatty()) as progress:

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import argparse
 
+from dynident.cli import console
+from dynident.files import check_outputs, check_place
+
 SUMMARY = "merge QR factors of several runs or machines into one file"
 
 
@@ -21,9 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.matching_digests import merged_file
-    from dynident.cli import console
     from dynident.cli.reduce import report
-    from dynident.files import check_outputs, check_place
     from dynident.identification.streaming.triangle_file import write_digest
 
     check_place(options.output)

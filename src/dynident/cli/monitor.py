@@ -17,8 +17,13 @@ last line is the total.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from dynident.cli import console, jobs
+from dynident.cli.jobs import add_log_case
+from dynident.errors import BadOption
 
 if TYPE_CHECKING:
     from dynident.applications.monitor import Monitor, Monitored
@@ -32,8 +37,6 @@ SUMMARY = "alarms where torques from outside exceed what clean runs show"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_log_case
-
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     parser.add_argument("logs", nargs="+", metavar="LOG", help="logs to look at; - for standard input")
     add_log_case(parser)
@@ -52,8 +55,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.applications import logs_of_fit, monitor
-    from dynident.cli import console, jobs
-    from dynident.errors import BadOption
     from dynident.identification.files.estimate_file import read_estimate
 
     rates = _rates(options.rate)
@@ -92,11 +93,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _watch(monitor: Monitor, as_json: bool, case: Case | None) -> int:
     """Tell the alarms of standard input as they begin."""
-    import sys
-
     from dynident.api.validate import reading_of
     from dynident.applications.monitor import watch
-    from dynident.cli import console
     from dynident.results.text import counted, label
 
     names = monitor.observer.joint_names
@@ -160,8 +158,6 @@ def _anew(gaps: int) -> str:
 
 
 def _rates(text: str) -> list[float]:
-    from dynident.errors import BadOption
-
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:
@@ -172,7 +168,6 @@ def _rates(text: str) -> list[float]:
 
 
 def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) -> None:
-    from dynident.cli import console
     from dynident.data.preprocessing._closed_brakes import brakes_closed
     from dynident.results.text import Column, Table, counted, format_number, label, pretty_unit
 

@@ -12,6 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from dynident.cli import jobs
+from dynident.errors import DynidentError
+from dynident.files import sha256_of
+
 if TYPE_CHECKING:
     from dynident.case.case import Case
     from dynident.data.log import Log
@@ -47,8 +51,6 @@ class _Refused(Exception):
 
 def origin_of(estimate: Estimate) -> Origin:
     """Return the case and the logs that an estimate was fitted from, as far as they are still there and the same."""
-    from dynident.errors import DynidentError
-
     try:
         return _read_again(estimate)
     except _Refused as problem:
@@ -60,7 +62,6 @@ def origin_of(estimate: Estimate) -> Origin:
 def _read_again(estimate: Estimate) -> Origin:
     from dynident.api.case_logs import read_data
     from dynident.api.estimate_output import file_of_fit
-    from dynident.cli import jobs
 
     options = _options(estimate.provenance.get("command"))
     if options.triangles or _is_large(estimate):
@@ -101,8 +102,6 @@ def _options(command: object) -> argparse.Namespace:
 
 
 def _check_file(path: str, stated: object) -> None:
-    from dynident.files import sha256_of
-
     known = stated.get("sha256") if isinstance(stated, dict) else None
     if path and known != sha256_of(path):
         raise _Refused(f"{path} has another content now")

@@ -18,6 +18,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from dynident.cli import console, jobs
+from dynident.cli.jobs import add_log_case
+
 if TYPE_CHECKING:
     from dynident.applications.payload import CarriedLoad
 
@@ -29,8 +32,6 @@ FREQUENT = ("--mass", "--flange", "--rows", "--json")
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_log_case
-
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     parser.add_argument("logs", nargs="+", metavar="LOG", help="logs with the payload")
     add_log_case(parser)
@@ -61,7 +62,6 @@ def run(options: argparse.Namespace) -> int:
     from dynident.api.applications import payload
     from dynident.applications.payload import BeforeRun, vendor_forms
     from dynident.applications.payload.vendor_forms import unplaced_reason
-    from dynident.cli import console, jobs
     from dynident.identification.files.estimate_file import read_estimate
 
     with console.progress(6, options.quiet or options.json) as progress:
@@ -91,7 +91,6 @@ def run(options: argparse.Namespace) -> int:
 
 def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -> None:
     from dynident.applications.payload.vendor_forms import unplaced_reason
-    from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
 
     rows, stated = [], "stated, contradicted" if found.contradiction else "stated"

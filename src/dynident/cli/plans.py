@@ -7,6 +7,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dynident.cli import console
+from dynident.cli.knowledge import knowledge_of
+from dynident.errors import BadOption, FileError
+
 if TYPE_CHECKING:
     from dynident.errors import FileError
     from dynident.excitation.design.limits import LimitRow
@@ -59,7 +63,6 @@ def plan_view(
     Raises:
         DynidentError: A fault of a file, a robot with other joints, or an estimate without a case.
     """
-    from dynident.errors import BadOption
     from dynident.excitation.design.plan import read_plan
     from dynident.excitation.design.recheck import recheck
     from dynident.results.plan_view import PlanView
@@ -72,7 +75,6 @@ def plan_view(
         return PlanView(plan, recheck(plan), robot, source=path)
     from dynident.api.excite import case_clearance, space_limits
     from dynident.case.case import read_case
-    from dynident.cli.knowledge import knowledge_of
     from dynident.excitation.design.recheck import with_friction_of
 
     case = read_case(case_path)
@@ -99,7 +101,6 @@ def check_kept(view: PlanView, path: str) -> None:
 
 def breached(worst: LimitRow, path: str) -> FileError:
     """Return the error to raise for a plan that passes a bound and must not be driven."""
-    from dynident.errors import FileError
     from dynident.excitation.design.plan import breach_of
 
     return FileError(path, breach_of(worst), "do not drive it; design the motion again with these limits")
@@ -107,7 +108,6 @@ def breached(worst: LimitRow, path: str) -> FileError:
 
 def show_plan(view: PlanView) -> None:
     """Print what a plan is, its figures and its check."""
-    from dynident.cli import console
     from dynident.results import plan_view as shown
     from dynident.results.text import label
 

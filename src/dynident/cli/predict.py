@@ -16,6 +16,11 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from dynident.cli import console, jobs
+from dynident.cli.jobs import add_log_case
+from dynident.errors import LogFormatError
+from dynident.files import check_outputs, check_place, files_behind, write_atomically
+
 if TYPE_CHECKING:
     from dynident.applications.predicted_torque import PredictedTorque
     from dynident.arrays import Array
@@ -35,8 +40,6 @@ SUMMARY = "torques of a motion by an estimate, with bands, as CSV"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_log_case
-
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     parser.add_argument("log", metavar="LOG", help="the motion: time and positions; torques may be there")
     add_log_case(parser)
@@ -51,8 +54,6 @@ def run(options: argparse.Namespace) -> int:
 
     from dynident.applications.predicted_torque import predict_torque
     from dynident.applications.start_states import warmed_torque
-    from dynident.cli import console, jobs
-    from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
 
     check_place(options.output)
@@ -103,7 +104,6 @@ def _motion(path: str, estimate: Estimate, case: Case | None) -> Log:
 
     from dynident.api.validate import other_columns, reading_of
     from dynident.data.log_of_robot import read_with
-    from dynident.errors import LogFormatError
 
     own, robot, locked = reading_of(estimate, case)
     place = path if case is None else case.place(path)
@@ -215,7 +215,6 @@ def _csv(found: PredictedTorque) -> str:
 
 
 def _show(joints: list[dict[str, object]], facts: dict[str, object]) -> None:
-    from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label, pretty_unit
 
     rows = []

@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from dynident.cli import console
+from dynident.errors import BadOption
+
 if TYPE_CHECKING:
     from dynident.data.log import Log
     from dynident.exports.models.proving.followed_motion import MotionProof
@@ -20,7 +23,6 @@ def motion_of(estimate: Estimate, options: argparse.Namespace) -> Log:
     """
     from dynident.api.validate import read_log
     from dynident.cli.origin import origin_of
-    from dynident.errors import BadOption
 
     if options.motion and not options.prove:
         raise BadOption("--motion", options.motion, "it goes with --prove")
@@ -35,7 +37,6 @@ def motion_of(estimate: Estimate, options: argparse.Namespace) -> Log:
 
 def show_motion(proof: MotionProof) -> None:
     """Print what was simulated."""
-    from dynident.cli import console
     from dynident.results.model_export_view import condition_line, followed_line, not_run_lines, runs_table
 
     console.answer(f"\n{followed_line(proof)}")

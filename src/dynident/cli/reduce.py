@@ -17,8 +17,14 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
+
+from dynident.cli import console, jobs
+from dynident.cli.jobs import add_case_options, add_pool_option, cluster_of
+from dynident.errors import BadOption
+from dynident.files import check_outputs, check_place
 
 if TYPE_CHECKING:
     from dynident.cli.console import Progress
@@ -34,8 +40,6 @@ FREQUENT = ("--split", "--jobs", "--skip-bad", "-o", "--json")
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_case_options, add_pool_option
-
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs; default: those of the case file that train")
     add_case_options(parser)
@@ -57,14 +61,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dataclasses import replace
-    from pathlib import Path
 
     from dynident.api.case_logs import logs_named
-    from dynident.cli import console, jobs
-    from dynident.cli.jobs import cluster_of
     from dynident.data.log_places import is_address
-    from dynident.errors import BadOption
-    from dynident.files import check_outputs, check_place
     from dynident.identification.streaming.one_log import Checkpoint
     from dynident.identification.streaming.reduction import reduce_logs
     from dynident.identification.streaming.triangle_file import write_digest
@@ -128,8 +127,6 @@ def _teller(progress: Progress) -> Callable[[Standing], None]:
 
 def report(digest: Digest, options: argparse.Namespace, bad: Mapping[str, str] | None = None) -> None:
     """Print what is in a digest; ``bad`` are logs that were left out, with the reason."""
-    from dynident.cli import console
-
     facts = {
         "robot": digest.model.robot.name,
         "joints": list(digest.model.robot.joint_names),

@@ -13,6 +13,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from dynident.cli import jobs, plans, proving
+from dynident.errors import BadOption, UnknownChoice
+from dynident.files import check_outputs, check_place, files_behind, write_atomically
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
@@ -59,8 +63,6 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.actuators import is_actuators
     from dynident.cli import actuators, console, plans
-    from dynident.errors import BadOption
-    from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.results.report.builder import parts_of, report_page
 
@@ -100,7 +102,6 @@ def _check(options: argparse.Namespace) -> None:
         BadOption: ``--format`` without ``--figures``, ``--split`` without ``--test``, ``--motion`` without ``--prove``.
         UnknownChoice: No such format of figures.
     """
-    from dynident.errors import BadOption, UnknownChoice
     from dynident.results.figures.files import FORMATS
 
     if options.format and not options.figures:
@@ -116,7 +117,6 @@ def _check(options: argparse.Namespace) -> None:
 def _subject(estimate: Estimate, options: argparse.Namespace, progress: Callable[[str], None]) -> Subject:
     """Return what the report is about: the estimate with its tests, the findings on its logs, the plan."""
     from dynident.api.validate import compared
-    from dynident.cli import jobs, plans, proving
     from dynident.cli.origin import origin_of
     from dynident.results.report.subject import Subject
 

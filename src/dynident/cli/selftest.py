@@ -19,6 +19,10 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from dynident.cli import console, jobs
+from dynident.cli.plans import breached
+from dynident.errors import BadOption
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -107,8 +111,6 @@ def run(options: argparse.Namespace) -> int:
     from dynident.api.case_options import estimator_of
     from dynident.api.simulate import believed_parameters, cell_setup
     from dynident.case.case import read_case
-    from dynident.cli import console, jobs
-    from dynident.errors import BadOption
     from dynident.studies.selftest.rehearsal import SHARES, KnownBefore, Tolerance, rehearse
 
     if options.seed < 0:
@@ -174,8 +176,6 @@ def _truth(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[A
 
 def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[RehearsalPlan, dict[str, Any]]:
     """Return what is rehearsed, and its noise with where that comes from."""
-    from dynident.cli.plans import breached
-    from dynident.errors import BadOption
     from dynident.excitation.design.plan import read_plan, worst_breach
     from dynident.studies.selftest.rehearsal import RehearsalPlan
 
@@ -262,15 +262,12 @@ def _per_joint(values: Sequence[float], joints: int) -> Array:
     """Return one number for each joint, shape (n,)."""
     import numpy as np
 
-    from dynident.errors import BadOption
-
     if len(values) not in (1, joints) or not all(0 < value < float("inf") for value in values):
         raise BadOption("--noise", list(values), f"give one number above 0, or one for each of the {joints} joints")
     return np.broadcast_to(np.array(values, dtype=float), (joints,)).copy()
 
 
 def _show(found: Rehearsal, plan: RehearsalPlan, facts: dict[str, Any], case: Case) -> None:
-    from dynident.cli import console
     from dynident.results.text import label
     from dynident.studies.selftest import rehearsal_view as view
 

@@ -13,7 +13,13 @@ run.truth.npz the true signals.
 from __future__ import annotations
 
 import argparse
+import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from dynident.cli import console
+from dynident.errors import BadOption
+from dynident.files import check_outputs, check_place, write_atomically
 
 if TYPE_CHECKING:
     from dynident.case.cell_section import CellSetup
@@ -51,14 +57,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from pathlib import Path
-
     from dynident.api.simulate import cell_setup, simulate_case, write_simulated_log
     from dynident.case.case import read_case
-    from dynident.cli import console
-    from dynident.errors import BadOption
     from dynident.excitation.design.plan import breach_of, read_plan, worst_breach
-    from dynident.files import check_outputs, check_place
 
     if options.seed < 0:
         raise BadOption("--seed", options.seed, "give 0 or more")
@@ -111,11 +112,8 @@ def _facts(options: argparse.Namespace, setup: CellSetup, model: DynamicModel, f
 def _write_truth(places: tuple[Any, Any], facts: dict[str, Any], found: CellRun) -> None:
     """Write the facts as JSON and the true signals as arrays."""
     import io
-    import json
 
     import numpy as np
-
-    from dynident.files import write_atomically
 
     truth = found.truth
     named = {"torque": "tau"}
@@ -129,7 +127,6 @@ def _write_truth(places: tuple[Any, Any], facts: dict[str, Any], found: CellRun)
 def _show(found: CellRun, model: DynamicModel, target: str, truths: tuple[str, ...], quiet: bool) -> None:
     import numpy as np
 
-    from dynident.cli import console
     from dynident.results.text import Column, Table, format_number, label, pretty_unit
     from dynident.simulation.truth import without_friction
     from dynident.studies.selftest.rehearsal_view import left_behind

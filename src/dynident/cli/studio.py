@@ -15,6 +15,9 @@ import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from dynident.cli import console
+from dynident.errors import MissingDependency
+
 SUMMARY = "the whole job in a local web page"
 
 
@@ -32,8 +35,6 @@ def run(options: argparse.Namespace) -> int:
     import time
     import webbrowser
 
-    from dynident.cli import console
-    from dynident.errors import MissingDependency
     from dynident.studio.assets import three_js
     from dynident.studio.server import studio
 

@@ -16,6 +16,10 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from dynident.cli import console, jobs
+from dynident.cli.jobs import add_log_case
+from dynident.files import check_outputs, check_place, files_behind, write_atomically
+
 if TYPE_CHECKING:
     from dynident.applications.tracking import Tracked
     from dynident.identification.estimate.estimate import Estimate
@@ -28,8 +32,6 @@ SHOWN = 12
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_log_case
-
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     parser.add_argument("log", metavar="LOG", help="log to follow")
     parser.add_argument("--clean", nargs="+", metavar="LOG", help="logs without a change; default: those of the fit")
@@ -49,8 +51,6 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.applications import logs_of_fit, track
     from dynident.applications.tracking import Pace
-    from dynident.cli import console, jobs
-    from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
 
     pace = Pace(options.memory, options.window, options.loosen)
@@ -101,7 +101,6 @@ def _csv(estimate: Estimate, found: Tracked) -> str:
 
 
 def _show(estimate: Estimate, found: Tracked, clean: Sequence[str], seconds: float) -> None:
-    from dynident.cli import console
     from dynident.results.text import Column, Table, format_number, format_value, label, pretty_unit
     from dynident.results.text import shorten as shortened
 

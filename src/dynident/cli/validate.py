@@ -18,6 +18,11 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from dynident.cli import console, verdicts
+from dynident.cli.jobs import add_accept, add_log_case
+from dynident.errors import BadOption
+from dynident.files import check_outputs, check_place, files_behind
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -30,8 +35,6 @@ SUMMARY = "validate an estimate on test logs"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_accept, add_log_case
-
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     text = "logs to compare with; of actuators none is needed"
     logs = parser.add_argument("logs", nargs="+", default=[], metavar="LOG", help=text)
@@ -56,8 +59,6 @@ def run(options: argparse.Namespace) -> int:
     from dynident.data.split import Split
     from dynident.diagnosis.verdict import verdict_of
     from dynident.diagnosis.warnings import warnings_of
-    from dynident.errors import BadOption
-    from dynident.files import check_outputs, check_place, files_behind
     from dynident.identification.files.estimate_file import read_estimate
 
     if is_actuators(options.estimate):
@@ -106,7 +107,6 @@ def run(options: argparse.Namespace) -> int:
 
 def _show(estimate: Estimate, test: Validation, verdict: Verdict, warnings: Sequence[str]) -> None:
     """Print the verdict, all tables of the comparison and the warnings."""
-    from dynident.cli import console, verdicts
     from dynident.cli.identify import consistency_line
     from dynident.results.text import fits_table, in_words, total_error
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from shlex import quote
 from typing import TYPE_CHECKING
 
+from dynident.cli import console
+
 if TYPE_CHECKING:
     from dynident.diagnosis.verdict import Verdict
     from dynident.identification.estimate.estimate import Estimate
@@ -13,7 +15,6 @@ if TYPE_CHECKING:
 
 def show(verdict: Verdict) -> None:
     """Print what speaks against an estimate, before its figures; nothing where nothing does and nothing was asked."""
-    from dynident.cli import console
     from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, headline, new_lines
 
     line = headline(verdict)
@@ -33,7 +34,6 @@ def show(verdict: Verdict) -> None:
 
 def show_rest(validation: Validation) -> None:
     """Print how the samples at rest lie to what static friction can hold, where that is known."""
-    from dynident.cli import console
     from dynident.results.text import rest_table
 
     if (table := rest_table(validation)) is not None:
@@ -43,7 +43,6 @@ def show_rest(validation: Validation) -> None:
 
 def show_nominal(estimate: Estimate, test: Validation | None) -> None:
     """Print the errors and bodies of the robot model beside those identified."""
-    from dynident.cli import console
     from dynident.results.nominal import MEANINGS, errors_table, link_changes, links_table, missing_reason
 
     for title, validation in (("training data", estimate.train), ("test data", test)):
@@ -60,7 +59,6 @@ def show_nominal(estimate: Estimate, test: Validation | None) -> None:
 
 def show_ranges(estimate: Estimate) -> None:
     """Print the ranges of the masses, where they were asked for."""
-    from dynident.cli import console
     from dynident.results.plausibility import ranges_table
 
     table = ranges_table(estimate)
@@ -80,7 +78,6 @@ def show_short(
         verdict: The verdict on it.
         more: Where all tables are.
     """
-    from dynident.cli import console
     from dynident.diagnosis.warnings import warnings_of
     from dynident.results import short_answer
     from dynident.results.verdict import cause_lines, criteria_table, headline, new_lines, reason_of
