@@ -19,6 +19,7 @@ from dynident.results.text import (
     Column,
     Table,
     clean,
+    columns_of,
     comparison_table,
     display_width,
     fits_table,
@@ -278,3 +279,15 @@ def test_facts_in_a_line() -> None:
     assert in_words(facts) == "kind five_point, box lower 1, 2.5, upper inf, on yes"
     assert plain_value(np.int64(3)) == "3"
     assert plain_value(None) == MISSING
+
+
+def test_columns_by_what_is_printed_above_them() -> None:
+    mass = Column("mass", "kg", numeric=True)
+    kept = Column("R²", detail=True)
+    assert columns_of("link", ">mass [kg]", "file [.csv]", ">P>|t|", kept) == (
+        Column("link"),
+        mass,
+        Column("file", ".csv"),
+        Column("P>|t|", numeric=True),
+        kept,
+    )

@@ -78,13 +78,13 @@ def run(options: argparse.Namespace) -> int:
 
 def _show(demo: Demo) -> None:
     from dynident.diagnosis.verdict import verdict_of
-    from dynident.results.text import Column, Table
+    from dynident.results.text import Table, columns_of
 
     console.answer(demo.source)
     verdicts.show_short(demo.estimate, demo.test, verdict_of(demo.estimate, demo.test), "report.html")
     rows = tuple((_name(done), *_proof(done)) for done in demo.exports)
     console.answer()
-    console.answer_table(Table((Column("file"), Column("torques equal to", numeric=True), Column("proof by")), rows))
+    console.answer_table(Table(columns_of("file", ">torques equal to", "proof by"), rows))
     engines = [one.engine for done in demo.exports for one in done.proofs if one.why_not == "not installed"]
     extras = ",".join(extra for engine, extra in _EXTRAS.items() if engine in engines)
     if extras:

@@ -106,16 +106,21 @@ def _read(file: str) -> FleetRobot:
 def _show(fleet: Fleet) -> None:
     import numpy as np
 
-    from dynident.results.text import Column, Table, format_number, format_percent, format_value, label, pretty_unit
+    from dynident.results.text import (
+        Table,
+        columns_of,
+        format_number,
+        format_percent,
+        format_value,
+        label,
+        pretty_unit,
+    )
     from dynident.results.text import shorten as shortened
 
     found, population = fleet.screening, fleet.screening.population
     count = len(fleet.robots)
     console.answer(f"{fleet.robots[0].model.robot.name}: {count} robots, {fleet.base.count} base parameters\n")
-    heads = (
-        Column("robot"), Column("own share", "%", numeric=True), Column("p of any", numeric=True), Column("consistent"),
-        Column("furthest parameter"), Column("score", numeric=True), Column("verdict"),
-    )  # fmt: skip
+    heads = columns_of("robot", ">own share [%]", ">p of any", "consistent", "furthest parameter", ">score", "verdict")
     rows = []
     for robot, distance, estimate, share in zip(
         fleet.robots, found.distances, fleet.estimates, fleet.shares, strict=True
@@ -128,10 +133,7 @@ def _show(fleet: Fleet) -> None:
         rows.append((label(robot.name), *numbers, consistent, furthest, score, verdict))
     console.answer_table(Table(heads, tuple(rows)))
     console.answer()
-    heads = (
-        Column("base parameter"), Column("mean", numeric=True), Column("std", numeric=True),
-        Column("spread", numeric=True), Column("unit"),
-    )  # fmt: skip
+    heads = columns_of("base parameter", ">mean", ">std", ">spread", "unit")
     deviations = np.sqrt(np.diag(population.mean_covariance))
     rows = []
     for k in range(min(fleet.base.count, SHOWN)):

@@ -246,8 +246,8 @@ def _show(found: DriveGains, section: str, output: str | None) -> None:
 def _table(found: DriveGains) -> Table:
     from dynident.results.text import (
         MISSING,
-        Column,
         Table,
+        columns_of,
         format_number,
         format_percent,
         format_value,
@@ -271,16 +271,5 @@ def _table(found: DriveGains) -> Table:
                 gain.label,
             )
         )
-    columns = (
-        Column("joint"),
-        Column("gain", numeric=True),
-        Column("from", numeric=True),
-        Column("to", numeric=True),
-        Column("unit"),
-        Column("std", "%", numeric=True),
-        Column("i", numeric=True),
-        Column("asked", numeric=True),
-        Column("left", numeric=True),
-        Column("verdict"),
-    )
+    columns = columns_of("joint", ">gain", ">from", ">to", "unit", ">std [%]", ">i", ">asked", ">left", "verdict")
     return Table(columns, tuple(rows))

@@ -237,7 +237,7 @@ def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[
 def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
     from dynident.arrays import vector_text
     from dynident.results.plausibility import nominal_state
-    from dynident.results.text import Column, Table, format_given, label, pretty_unit
+    from dynident.results.text import Column, Table, columns_of, format_given, label, pretty_unit
 
     links, gravity = len(robot.links), vector_text(robot.gravity)
     console.answer(f"{label(robot.name)}: {robot.dof} joints, {links} links, gravity ({gravity}) m/s²")
@@ -260,7 +260,7 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
         f"({inertial.count} inertial, {friction} friction and drive)"
     )
     numbered = tuple((str(i), label(name)) for i, name in enumerate(base.names, start=1))
-    console.answer_table(Table((Column("#", numeric=True), Column("base parameter")), numbered))
+    console.answer_table(Table(columns_of(">#", "base parameter"), numbered))
     lost: dict[str, list[str]] = {}
     for parameter, verdict in zip(base.parameters, base.verdicts, strict=True):
         if verdict == "not identifiable":
@@ -300,7 +300,7 @@ def _show_meshes(case: Case) -> None:
 
 
 def _show_weak(base: BaseParameters) -> None:
-    from dynident.results.text import Column, Table, label
+    from dynident.results.text import Table, columns_of, label
 
     if len(base.weak):
         console.answer(
@@ -308,7 +308,7 @@ def _show_weak(base: BaseParameters) -> None:
             "or friction parts are nearly collinear. The share is the part of a column that is independent of the\n"
             "others. Use the torques; do not rely on these values:"
         )
-        columns = (Column("#", numeric=True), Column("base parameter"), Column("share", numeric=True))
+        columns = columns_of(">#", "base parameter", ">share")
         rows = tuple((str(k + 1), label(base.names[k]), f"{base.shares[k]:.1e}") for k in base.weak)
         console.answer_table(Table(columns, rows))
     if base.neglected > 0:

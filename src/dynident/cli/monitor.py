@@ -169,7 +169,7 @@ def _rates(text: str) -> list[float]:
 
 def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) -> None:
     from dynident.data.preprocessing._closed_brakes import brakes_closed
-    from dynident.results.text import Column, Table, counted, format_number, label, pretty_unit
+    from dynident.results.text import Column, Table, columns_of, counted, format_number, label, pretty_unit
 
     robot = monitor.observer.model.robot
     seconds = monitor.tails[0].seconds
@@ -186,7 +186,7 @@ def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) ->
             values = (figures["threshold"], largest, share, 3600.0 * float(monitor.rates[j]))
             numbers = [format_number(value, 3) for value in values]
             rows.append((label(name), *numbers, str(figures["alarms"]), pretty_unit(unit)))
-        heads = (Column("joint"), *(Column(text, numeric=True) for text in columns), Column("unit"))
+        heads = columns_of("joint", *(Column(text, numeric=True) for text in columns), "unit")
         console.answer(f"\n{label(one.log)}: {one.seconds:.4g} s\n")
         console.answer_table(Table(heads, tuple(rows)))
         console.answer(note)

@@ -91,7 +91,16 @@ def run(options: argparse.Namespace) -> int:
 
 def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -> None:
     from dynident.applications.payload.vendor_forms import unplaced_reason
-    from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
+    from dynident.results.text import (
+        MISSING,
+        Column,
+        Table,
+        columns_of,
+        format_number,
+        format_value,
+        label,
+        pretty_unit,
+    )
 
     rows, stated = [], "stated, contradicted" if found.contradiction else "stated"
     for one in (found.mass, *found.centre, *found.parameters[:9]):
@@ -102,12 +111,8 @@ def _show(found: CarriedLoad, forms: dict[str, str], *, weighed: float | None) -
             rows.append((one.name, f"{weighed:.10g}", MISSING, pretty_unit(one.unit), stated))
             continue
         rows.append((one.name, *shown, pretty_unit(one.unit), one.verdict))
-    columns = (
-        Column("parameter"),
-        Column("value", numeric=True),
-        Column(f"half width ({100 * found.level:g} %)", numeric=True),
-        Column("unit"),
-        Column("verdict"),
+    columns = columns_of(
+        "parameter", ">value", Column(f"half width ({100 * found.level:g} %)", numeric=True), "unit", "verdict"
     )
     counted = f"{found.samples} rows" if found.rows == "motion" else f"{found.samples} postures"
     console.answer(f"payload in {label(found.place)}; from {counted}")

@@ -215,7 +215,16 @@ def _csv(found: PredictedTorque) -> str:
 
 
 def _show(joints: list[dict[str, object]], facts: dict[str, object]) -> None:
-    from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label, pretty_unit
+    from dynident.results.text import (
+        MISSING,
+        Column,
+        Table,
+        columns_of,
+        format_number,
+        format_percent,
+        label,
+        pretty_unit,
+    )
 
     rows = []
     for one in joints:
@@ -224,7 +233,7 @@ def _show(joints: list[dict[str, object]], facts: dict[str, object]) -> None:
         share = MISSING if one["inside"] is None else format_percent(float(str(one["inside"])), sign=False)
         rows.append((label(one["name"]), *sizes, pretty_unit(str(one["unit"])), share))
     headings = ("torque (rms)", "without noise", "measured")
-    columns = (Column("joint"), *(Column(text, numeric=True) for text in headings), Column("unit"), Column("inside, %"))
+    columns = columns_of("joint", *(Column(text, numeric=True) for text in headings), "unit", "inside, %")
     left_out = f", {facts['left_out']} that the filter spoils left out" if facts["left_out"] else ""
     console.answer(f"{label(facts['log'])}: {facts['samples']} samples{left_out}")
     console.answer("half widths of the 95 % bands (rms): of the torque without noise, and of the measured torque\n")

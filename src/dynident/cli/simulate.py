@@ -127,7 +127,7 @@ def _write_truth(places: tuple[Any, Any], facts: dict[str, Any], found: CellRun)
 def _show(found: CellRun, model: DynamicModel, target: str, truths: tuple[str, ...], quiet: bool) -> None:
     import numpy as np
 
-    from dynident.results.text import Column, Table, format_number, label, pretty_unit
+    from dynident.results.text import Table, columns_of, format_number, label, pretty_unit
     from dynident.simulation.truth import without_friction
     from dynident.studies.selftest.rehearsal_view import left_behind
 
@@ -144,13 +144,7 @@ def _show(found: CellRun, model: DynamicModel, target: str, truths: tuple[str, .
             strict=True,
         )
     ]
-    columns = (
-        Column("joint"),
-        Column("torque (rms)", numeric=True),
-        Column("unit"),
-        Column("tracking error (rms)", numeric=True),
-        Column("unit"),
-    )
+    columns = columns_of("joint", ">torque (rms)", "unit", ">tracking error (rms)", "unit")
     console.answer_table(Table(columns, tuple(rows)))
     if found.left_behind():
         console.remark(left_behind(found.left_behind(), found.saturated), quiet)

@@ -101,7 +101,7 @@ def _csv(estimate: Estimate, found: Tracked) -> str:
 
 
 def _show(estimate: Estimate, found: Tracked, clean: Sequence[str], seconds: float) -> None:
-    from dynident.results.text import Column, Table, format_number, format_value, label, pretty_unit
+    from dynident.results.text import Table, columns_of, format_number, format_value, label, pretty_unit
     from dynident.results.text import shorten as shortened
 
     figures = found.figures(estimate)
@@ -109,10 +109,7 @@ def _show(estimate: Estimate, found: Tracked, clean: Sequence[str], seconds: flo
         f"{label(found.log)}: {figures['seconds']:.4g} s followed, thresholds from {seconds:.4g} s of clean runs\n"
     )
     told = sorted(figures["parameters"], key=lambda one: -abs(one["t"] or 0.0))[:SHOWN]
-    heads = (
-        Column("base parameter"), Column("estimate", numeric=True), Column("at the end", numeric=True),
-        Column("std", numeric=True), Column("moved by", "std", numeric=True), Column("unit"),
-    )  # fmt: skip
+    heads = columns_of("base parameter", ">estimate", ">at the end", ">std", ">moved by [std]", "unit")
     rows = []
     for one in told:
         value, std = format_value(one["value"], one["std"])

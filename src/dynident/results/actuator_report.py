@@ -25,7 +25,7 @@ from dynident.results.actuator_text import (
 from dynident.results.figures.signals import line_chart
 from dynident.results.report.builder import ReportPart, build_page
 from dynident.results.report.sections.base import drawn
-from dynident.results.text import MISSING, Column, Table, counted, format_number, pretty_unit
+from dynident.results.text import MISSING, Column, Table, columns_of, counted, format_number, pretty_unit
 
 #: Speeds of the friction curve end at this quantile of those of the roll-outs; in rad/s where none moves. Points of it.
 FASTEST, STANDING, POINTS = 0.999, 1.0, 200
@@ -164,5 +164,5 @@ def _beside_model(joint: JointActuator, stated: Array) -> Table:
         (name, format_number(ours, 3), format_number(theirs, 3), pretty_unit(unit_for(unit, joint.slides)))
         for name, ours, theirs, unit in rows
     ]
-    columns = (Column("of simulators"), Column("identified", numeric=True), Column("robot model", numeric=True))
+    columns = columns_of("of simulators", ">identified", ">robot model")
     return Table((*columns, Column("unit")), tuple(cells))

@@ -13,7 +13,7 @@ from dynident.actuators.free_bodies import DEVIATION, NORMAL_95, FreeBodies
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE, unit_for, unit_of
 from dynident.actuators.poor_fit import EXTRAPOLATION, MISSED
 from dynident.actuators.verdict import AS_RATIO, EXPERIMENTS, LITTLE_WEIGHT, MORE_SWINGS, SCALE, lacks_scale
-from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
+from dynident.results.text import MISSING, Table, columns_of, format_number, format_value, pretty_unit
 
 
 def parameter_table(joint: JointActuator) -> Table:
@@ -35,14 +35,7 @@ def parameter_table(joint: JointActuator) -> Table:
         width = format_number(half, 2) if is_known else MISSING
         unit, per, gain = one.unit.partition(" per ")
         rows.append((one.name, value, width, *ratio, f"{pretty_unit(unit)}{per}{gain}", "known together"))
-    columns = (
-        Column("parameter"),
-        Column("value", numeric=True),
-        Column("half width (95 %)", numeric=True),
-        *[Column("as a ratio", numeric=True)] * has_ratio,
-        Column("unit"),
-        Column("verdict"),
-    )
+    columns = columns_of("parameter", ">value", ">half width (95 %)", *[">as a ratio"] * has_ratio, "unit", "verdict")
     return Table(columns, tuple(rows))
 
 
@@ -59,14 +52,14 @@ def bodies_table(bodies: FreeBodies) -> Table:
         half = NORMAL_95 * float(deviations[9])
         cells = [format_value(float(theta[9]), half)[0], format_number(half, 2), format_number(float(nominal[9]), 3)]
         rows.append((name, *cells, *centres, labels[9]))
-    columns = (
-        Column("link"),
-        Column("mass", "kg", numeric=True),
-        Column("half width (95 %)", "kg", numeric=True),
-        Column("robot model", "kg", numeric=True),
-        Column("centre of mass", "mm", numeric=True),
-        Column("robot model", "mm", numeric=True),
-        Column("mass is"),
+    columns = columns_of(
+        "link",
+        ">mass [kg]",
+        ">half width (95 %) [kg]",
+        ">robot model [kg]",
+        ">centre of mass [mm]",
+        ">robot model [mm]",
+        "mass is",
     )
     return Table(columns, tuple(rows))
 

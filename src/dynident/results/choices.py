@@ -18,8 +18,8 @@ from dynident.model.friction import WHOLE_PART, auto_friction, called
 from dynident.model.friction.periodic import Periodic
 from dynident.results.text import (
     MISSING,
-    Column,
     Table,
+    columns_of,
     format_given,
     format_number,
     format_percent,
@@ -42,7 +42,7 @@ def choice_tables(choices: Choices, model: DynamicModel | None = None) -> tuple[
     if tried := [each for each in choices.chosen_fields or () if not each.not_tried]:
         tables.append(("Friction model selection by cross-validation", _held_out(tried, model)))
     if missing := _not_tried(choices.chosen_fields or (), model):
-        columns = (Column("part"), Column("joints"), Column("field"), Column("given", numeric=True), Column("reason"))
+        columns = columns_of("part", "joints", "field", ">given", "reason")
         tables.append(("Friction that was not tried", Table(columns, tuple(missing))))
     if choices.non_linear:
         tables.append(("Friction fields estimated from the logs", _fields(choices.non_linear)))
@@ -65,12 +65,7 @@ def cutoff_table(choices: Choices) -> Table | None:
     found = choices.cutoff_sensitivity
     if found is None:
         return None
-    columns = (
-        Column("cut-off", "Hz", numeric=True),
-        Column("cross-validation error", "%", numeric=True),
-        Column("moves most"),
-        Column("by", "std", numeric=True),
-    )
+    columns = columns_of(">cut-off [Hz]", ">cross-validation error [%]", "moves most", ">by [std]")
     rows = []
     for row in found.table:
         own = row.cutoff_hz == found.cutoff_hz
@@ -87,7 +82,7 @@ def _gains(stated: GainUncertainty) -> Table:
         "Parameters carry these errors beside their own deviations, which do not contain them: a gain that is 2 % off "
         "moves what its drive determines by 2 %. extras.gain_std.parameters of the estimate has the figures."
     )
-    return Table((Column("joint"), Column("rel. std of the gain", "%", numeric=True)), rows, note)
+    return Table(columns_of("joint", ">rel. std of the gain [%]"), rows, note)
 
 
 def _noise(found: NoiseBias, joints: Sequence[str]) -> Table:
@@ -97,16 +92,11 @@ def _noise(found: NoiseBias, joints: Sequence[str]) -> Table:
         note += f"taken out of the estimate; {format_percent(found.left)} of it may be left and is in the intervals."
     else:
         note += "in the intervals, not taken out of the estimate."
-    return Table((Column("joint"), Column("std", "rad or m", numeric=True)), rows, note)
+    return Table(columns_of("joint", ">std [rad or m]"), rows, note)
 
 
 def _delays(delays: Sequence[DelayRecord]) -> Table:
-    columns = (
-        Column("log"),
-        Column("delay", "ms", numeric=True),
-        Column("std", "ms", numeric=True),
-        Column("applied", "ms", numeric=True),
-    )
+    columns = columns_of("log", ">delay [ms]", ">std [ms]", ">applied [ms]")
     rows = tuple(
         (label(each.log), *format_value(1e3 * each.seconds, 1e3 * each.std), f"{1e3 * each.applied:.3g}")
         for each in delays
@@ -122,16 +112,7 @@ def _field(found: FieldChoice | FieldEstimate) -> tuple[str, str, str]:
 
 
 def _held_out(found: Sequence[FieldChoice], model: DynamicModel | None) -> Table:
-    columns = (
-        Column("part"),
-        Column("joints"),
-        Column("field"),
-        Column("given", numeric=True),
-        Column("best", numeric=True),
-        Column("reduction", "%", numeric=True),
-        Column("fastest", "%", numeric=True),
-        Column("used"),
-    )
+    columns = columns_of("part", "joints", "field", ">given", ">best", ">reduction [%]", ">fastest [%]", "used")
     open_parts = {(each.part, each.joints) for each in found if each.field == WHOLE_PART}
     order = list(dict.fromkeys(each.part for each in found))  # rows of a part stand together
     rows = tuple(
@@ -198,14 +179,7 @@ def _values(held: FieldChoice) -> tuple[str, str]:
 
 
 def _fields(found: Sequence[FieldEstimate]) -> Table:
-    columns = (
-        Column("part"),
-        Column("joints"),
-        Column("field"),
-        Column("value", numeric=True),
-        Column("as good from", numeric=True),
-        Column("to", numeric=True),
-    )
+    columns = columns_of("part", "joints", "field", ">value", ">as good from", ">to")
     rows = tuple(
         (*_field(each), *(format_number(value, 3) for value in (each.value, each.low, each.high))) for each in found
     )

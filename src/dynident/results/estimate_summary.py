@@ -19,6 +19,7 @@ from dynident.results.table_width import wrap_text
 from dynident.results.text import (
     Column,
     Table,
+    columns_of,
     fits_table,
     format_number,
     format_value,
@@ -116,7 +117,7 @@ def significance_table(estimate: Estimate) -> Table:
         shown = shorten(label(name), NAME_WIDTH)
         rows.append((shown, value, spread, f"{t:.1f}", f"{p:.3f}", low, high, pretty_unit(unit)))
     heads = ("value", "std", "t", "P>|t|", "lower", "upper")
-    columns = (Column("parameter"), *(Column(head, numeric=True) for head in heads), Column("unit"))
+    columns = columns_of("parameter", *(Column(head, numeric=True) for head in heads), "unit")
     return Table(columns, tuple(rows))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 from dynident.exports.models import ModelExport, Proof
 from dynident.exports.models.proving.followed_motion import MOST_STEPS, FollowedMotion, MotionProof
-from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label
+from dynident.results.text import MISSING, Column, Table, columns_of, format_number, format_percent, label
 
 
 def proofs_table(proofs: Sequence[Proof], units: Collection[str]) -> Table:
@@ -20,11 +20,11 @@ def proofs_table(proofs: Sequence[Proof], units: Collection[str]) -> Table:
             rows.append((proof.engine, "not proved", MISSING, MISSING))
         else:
             rows.append((proof.engine, proof.what, f"{proof.difference:.1e}", f"{proof.relative:.1e}"))
-    columns = (
-        Column("loaded again by"),
-        Column("compared"),
+    columns = columns_of(
+        "loaded again by",
+        "compared",
         Column("difference", " or ".join(sorted(set(units), reverse=True)), numeric=True),
-        Column("relative", numeric=True),
+        ">relative",
     )
     states = max((proof.states for proof in proofs), default=0)
     allowed = " or ".join(f"{limit:.0e}" for limit in sorted({proof.allowed for proof in proofs if proof.states}))
@@ -63,14 +63,8 @@ def followed_line(proof: MotionProof) -> str:
 
 def runs_table(proof: MotionProof) -> Table:
     """Return the runs: simulator, controller, step, length of the motion, largest error, and whether it diverged."""
-    columns = (
-        Column("simulator"),
-        Column("controller"),
-        Column("step", "ms", numeric=True),
-        Column("motion", "s", numeric=True),
-        Column("largest error", "rad or m", numeric=True),
-        Column("of the span", numeric=True),
-        Column("diverged"),
+    columns = columns_of(
+        "simulator", "controller", ">step [ms]", ">motion [s]", ">largest error [rad or m]", ">of the span", "diverged"
     )
     rows = [_row(run) for run in proof.runs if not run.why_not]
     note = "error: of a position; span: of the joint's motion, 0.1 rad or m at least; torques have no limits"

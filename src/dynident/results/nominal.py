@@ -11,7 +11,7 @@ from dynident.identification.consistency.labels import IDENTIFIED, NOT_DETERMINE
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.model.inertia import Inertia
-from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label
+from dynident.results.text import MISSING, Table, columns_of, format_number, format_percent, label
 
 #: Signs of what a parameter of an estimate stands on, and what they mean.
 SIGNS = {IDENTIFIED: "●", ONLY_COMBINED: "◐", NOT_DETERMINED: "○"}
@@ -95,13 +95,8 @@ def _change(name: str, nominal: np.ndarray, identified: np.ndarray, mass_is: str
 
 def links_table(changes: tuple[LinkChange, ...]) -> Table:
     """Return mass, shift of the centre of mass and change of the inertia of each link, narrow enough for a terminal."""
-    columns = (
-        Column("link"),
-        Column("nominal mass", "kg", numeric=True),
-        Column("estimate", "kg", numeric=True),
-        Column("mass is"),
-        Column("centre moved", "mm", numeric=True),
-        Column("inertia", "%", numeric=True),
+    columns = columns_of(
+        "link", ">nominal mass [kg]", ">estimate [kg]", "mass is", ">centre moved [mm]", ">inertia [%]"
     )
     rows = tuple(
         (
@@ -119,12 +114,12 @@ def links_table(changes: tuple[LinkChange, ...]) -> Table:
 def bodies_table(changes: tuple[LinkChange, ...]) -> Table:
     """Return the bodies of the links in full, two rows a link: nominal, then estimate."""
     axes = ("xx", "yy", "zz", "xy", "xz", "yz")
-    columns = (
-        Column("link"),
-        Column("parameters"),
-        Column("mass", "kg", numeric=True),
-        *(Column(f"centre {axis}", "m", numeric=True) for axis in "xyz"),
-        *(Column(f"I{pair}", "kg·m²", numeric=True) for pair in axes),
+    columns = columns_of(
+        "link",
+        "parameters",
+        ">mass [kg]",
+        *(f">centre {axis} [m]" for axis in "xyz"),
+        *(f">I{pair} [kg·m²]" for pair in axes),
     )
     rows = [
         (
@@ -143,12 +138,7 @@ def errors_table(validation: Validation) -> Table:
     nominal = validation.nominal
     if nominal is None:
         return Table((), ())
-    columns = (
-        Column("joint"),
-        Column("nominal", "%", numeric=True),
-        Column("nominal, friction fitted", "%", numeric=True),
-        Column("identified", "%", numeric=True),
-    )
+    columns = columns_of("joint", ">nominal [%]", ">nominal, friction fitted [%]", ">identified [%]")
     each = zip(validation.joints, nominal.joints_nothing_fitted, nominal.joints_friction_fitted, strict=True)
     rows = [(label(fit.name), *map(_share, (bare, friction, fit.relative_error))) for fit, bare, friction in each]
     total = (nominal.nothing_fitted, nominal.friction_fitted, validation.total_relative_error)

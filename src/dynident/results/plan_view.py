@@ -23,6 +23,7 @@ from dynident.results.text import (
     MISSING,
     Column,
     Table,
+    columns_of,
     format_given,
     format_number,
     format_percent,
@@ -192,13 +193,7 @@ def nearest(view: PlanView) -> tuple[LimitRow, ...]:
 
 def clearance_table(view: PlanView) -> Table:
     """Return the pairs of shapes that come nearest, numbered as in the picture of the path."""
-    columns = (
-        Column("#", numeric=True),
-        Column("pair"),
-        Column("distance", "m", numeric=True),
-        Column("required", "m", numeric=True),
-        Column("at", "s", numeric=True),
-    )
+    columns = columns_of(">#", "pair", ">distance [m]", ">required [m]", ">at [s]")
     found = nearest(view)
     rows = tuple(
         (str(k), label(row.joint), f"{row.value:.4f}", format_given(row.limit), f"{row.time:.2f}")
@@ -232,12 +227,8 @@ def outlook_table(plan: Plan, width: int | None = None) -> Table | None:
         for item in found[:WORST]
     )
     relative = ("before", "after") if before else ("rel. std",)
-    columns = (
-        Column("base parameter"),
-        Column("value", numeric=True),
-        Column("std", numeric=True),
-        Column("unit"),
-        *(Column(name, "%", numeric=True) for name in relative),
+    columns = columns_of(
+        "base parameter", ">value", ">std", "unit", *(Column(name, "%", numeric=True) for name in relative)
     )
     count = f"the {len(rows)} least known of {len(found)} base parameters" if len(found) > len(rows) else "all"
     known = f"; known before: {label(outlook['before'])}" if before else ""

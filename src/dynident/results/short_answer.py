@@ -16,8 +16,8 @@ from dynident.results.nominal import LinkChange, errors_table, link_changes, mis
 from dynident.results.plausibility import plausibility_lines, plausible_words
 from dynident.results.table_width import wrap_text
 from dynident.results.text import (
-    Column,
     Table,
+    columns_of,
     counted,
     format_number,
     format_percent,
@@ -72,7 +72,7 @@ def joints_table(estimate: Estimate, test: Validation | None) -> Table:
     if not table.rows:
         errors = [(label(fit.name), format_percent(fit.relative_error, sign=False)) for fit in data.joints]
         rows: Sequence[tuple[str, ...]] = [*errors, ("total", format_percent(data.total_relative_error, sign=False))]
-        table = Table((Column("joint"), Column("identified", "%", numeric=True)), tuple(rows))
+        table = Table(columns_of("joint", ">identified [%]"), tuple(rows))
     order = sorted(range(len(data.joints)), key=lambda k: -np.nan_to_num(data.joints[k].relative_error, nan=-1.0))
     kept = sorted(order[:JOINTS])
     left = len(data.joints) - len(kept)

@@ -184,6 +184,16 @@ class Column:
     detail: bool = False
 
 
+def columns_of(*headings: str | Column) -> tuple[Column, ...]:
+    """Return columns by what :func:`heading_text` prints, such as ``joint`` and ``>mass [kg]``; ``>``: numeric."""
+    return tuple(one if isinstance(one, Column) else _column(one) for one in headings)
+
+
+def _column(text: str) -> Column:
+    heading, _, unit = text.removeprefix(">").removesuffix("]").partition(" [")
+    return Column(heading, unit, numeric=text.startswith(">"))
+
+
 def heading_text(column: Column) -> str:
     """Return a heading as printed, its unit in brackets."""
     return f"{column.heading} [{column.unit}]" if column.unit else column.heading
@@ -268,14 +278,7 @@ def parameters_table(estimate: Estimate, width: int | None = None) -> Table:
         called = label(name) if width is None else shorten(label(name), width)
         share = format_percent(relative if value else np.nan, sign=False)  # there is none of a value of 0
         rows.append((str(number), called, shown, spread, pretty_unit(unit), share))
-    columns = (
-        Column("#", numeric=True),
-        Column("parameter"),
-        Column("value", numeric=True),
-        Column("std", numeric=True),
-        Column("unit"),
-        Column("rel. std", "%", numeric=True),
-    )
+    columns = columns_of(">#", "parameter", ">value", ">std", "unit", ">rel. std [%]")
     return Table(columns, tuple(rows))
 
 
@@ -300,24 +303,16 @@ def fits_table(validation: Validation, moving: bool = False) -> Table:
         validation: What was compared.
         moving: Only rows where the joint moves faster than ``validation.standstill``.
     """
-    columns = (
-        Column("joint"),
-        Column("samples", numeric=True, detail=True),
-        Column("unit"),
-        Column("RMS error", numeric=True),
-        Column("unfiltered", numeric=True, detail=True),
-        Column("relative error", "%", numeric=True),
-        Column("correlation", numeric=True),
-        Column("R²", numeric=True, detail=True),
-    )
+    samples, unfiltered, square = (Column(name, numeric=True, detail=True) for name in ("samples", "unfiltered", "R²"))
+    errors = (">RMS error", unfiltered, ">relative error [%]", ">correlation", square)
+    columns = columns_of("joint", samples, "unit", *errors)
     fits = validation.moving if moving else validation.joints
     return Table(columns, tuple(_fit_row(fit) for fit in fits), in_words(validation.filter))
 
 
 def rest_table(validation: Validation) -> Table | None:
     """Return how the samples at rest lie to what static friction can hold; None where that is not known."""
-    names = ("samples at rest", "static friction +-", "inside", "RMS beyond")
-    columns = (Column("joint"), *(Column(one, "%" * (one == "inside"), numeric=True) for one in names), Column("unit"))
+    columns = columns_of("joint", ">samples at rest", ">static friction +-", ">inside [%]", ">RMS beyond", "unit")
     rows = []
     for one in validation.at_rest:
         share, sizes = format_percent(one["inside"], sign=False), (one["half_width"], one["rms_beyond"])

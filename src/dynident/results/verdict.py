@@ -16,7 +16,7 @@ from dynident.diagnosis.verdict import (
     check_lines,
     errors_in,
 )
-from dynident.results.text import MISSING, Column, Table, counted, format_percent, label
+from dynident.results.text import MISSING, Table, columns_of, counted, format_percent, label
 
 #: What is said where nobody has looked at the logs of a fit.
 NOT_CHECKED = "log checks: not made on the logs of this fit ('dynident check' makes them)"
@@ -115,7 +115,7 @@ def cause_lines(verdict: Verdict) -> list[str]:
 
 def criteria_table(verdict: Verdict) -> Table:
     """Return the criteria with value and limit."""
-    columns = (Column("criterion"), Column("value"), Column("limit"), Column("met"), Column("of"))
+    columns = columns_of("criterion", "value", "limit", "met", "of")
     rows = tuple(
         (
             criterion.criterion,

@@ -12,7 +12,16 @@ from dynident.files import write_atomically
 from dynident.results.figures import line_chart
 from dynident.results.report.builder import ReportPart, build_page
 from dynident.results.report.sections.base import drawn
-from dynident.results.text import MISSING, Column, Table, counted, format_number, format_percent, label, shorten
+from dynident.results.text import (
+    MISSING,
+    Table,
+    columns_of,
+    counted,
+    format_number,
+    format_percent,
+    label,
+    shorten,
+)
 from dynident.studies.benchmark.experiment import Experiment
 from dynident.studies.benchmark.summary import MethodRow
 
@@ -42,19 +51,19 @@ def by_condition(rows: Sequence[MethodRow], experiment: Experiment) -> dict[str,
 
 def condition_table(rows: Sequence[MethodRow]) -> Table:
     """Return the methods of one condition, the best first."""
-    columns = (
-        Column("method"),
-        Column("draws", numeric=True),
-        Column("failed", numeric=True),
-        Column("parameters", "%", numeric=True),
-        Column("weighted", "%", numeric=True),
-        Column("torque", "%", numeric=True),
-        Column("torque, 90th", "%", numeric=True),
-        Column("consistent", "%", numeric=True),
-        Column("coverage", "%", numeric=True),
-        Column("iterations", numeric=True),
-        Column("simulations", numeric=True),
-        Column("time", "s", numeric=True),
+    columns = columns_of(
+        "method",
+        ">draws",
+        ">failed",
+        ">parameters [%]",
+        ">weighted [%]",
+        ">torque [%]",
+        ">torque, 90th [%]",
+        ">consistent [%]",
+        ">coverage [%]",
+        ">iterations",
+        ">simulations",
+        ">time [s]",
     )
     return Table(columns, tuple(_cells(row) for row in rows), NOTE)
 

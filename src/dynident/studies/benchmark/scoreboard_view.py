@@ -8,7 +8,7 @@ from typing import Any
 
 from dynident.files import write_atomically
 from dynident.results.report.builder import ReportPart, build_page
-from dynident.results.text import MISSING, Column, Table, counted, format_number, label
+from dynident.results.text import MISSING, Table, columns_of, counted, format_number, label
 from dynident.studies.benchmark.real_sets import Published, Scoreboard
 from dynident.studies.comparison.comparison_view import percent
 
@@ -24,15 +24,8 @@ Result = tuple[str, str, Mapping[str, Any]]
 
 def scoreboard_table(board: Scoreboard, results: Sequence[Result]) -> Table:
     """Return every set with our methods by their test error, then the published figures, then failures."""
-    columns = (
-        Column("set"),
-        Column("who"),
-        Column("test error", "%", numeric=True),
-        Column("training error", "%", numeric=True),
-        Column("RMSE by joint"),
-        Column("consistent"),
-        Column("time", "s", numeric=True),
-        Column("remark"),
+    columns = columns_of(
+        "set", "who", ">test error [%]", ">training error [%]", "RMSE by joint", "consistent", ">time [s]", "remark"
     )
     rows: list[tuple[str, ...]] = []
     for each in board.sets:

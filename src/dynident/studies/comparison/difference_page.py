@@ -19,6 +19,7 @@ from dynident.results.text import (
     MISSING,
     Column,
     Table,
+    columns_of,
     format_number,
     format_percent,
     format_value,
@@ -34,14 +35,7 @@ FAR = 3.0
 
 def estimates_table(difference: EstimateDifference) -> Table:
     """Return what each estimate is."""
-    columns = (
-        Column("estimate"),
-        Column("estimator"),
-        Column("samples", numeric=True),
-        Column("base parameters", numeric=True),
-        Column("training error", "%", numeric=True),
-        Column("consistent"),
-    )
+    columns = columns_of("estimate", "estimator", ">samples", ">base parameters", ">training error [%]", "consistent")
     rows = tuple(
         (
             label(name),

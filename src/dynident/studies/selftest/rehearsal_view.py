@@ -11,6 +11,7 @@ from dynident.results.text import (
     MISSING,
     Column,
     Table,
+    columns_of,
     format_number,
     format_percent,
     format_value,
@@ -47,15 +48,8 @@ def parameters_table(rehearsal: Rehearsal, width: int | None = None) -> Table:
         width: Columns of a terminal that a name may take; None shows all.
     """
     stage = rehearsal.planned
-    columns = (
-        Column("base parameter"),
-        Column("unit"),
-        Column("truth", numeric=True),
-        Column("found", numeric=True),
-        Column("std", numeric=True),
-        Column("rel. std", "%", numeric=True),
-        Column("off by", "std", numeric=True),
-        Column("of the torque", "%", numeric=True),
+    columns = columns_of(
+        "base parameter", "unit", ">truth", ">found", ">std", ">rel. std [%]", ">off by [std]", ">of the torque [%]"
     )
     rows = tuple(_parameter_row(rehearsal, stage, int(k), width) for k in np.argsort(-rehearsal.weights, kind="stable"))
     note = "Of the torque: the largest share that the parameter has in the torque of a joint."
@@ -77,14 +71,14 @@ def _parameter_row(rehearsal: Rehearsal, stage: RehearsalStage, k: int, width: i
 
 def lengths_table(rehearsal: Rehearsal) -> Table:
     """Return what logs of half to four times the planned length tell."""
-    columns = (
-        Column("log", "s", numeric=True),
-        Column("of the plan", numeric=True),
+    columns = columns_of(
+        ">log [s]",
+        ">of the plan",
         Column(f"found to {100 * FOUND:g} %", numeric=True),
-        Column("median rel. std", "%", numeric=True),
-        Column("worst torque", "%", numeric=True),
-        Column("95 % intervals that hold", "%", numeric=True),
-        Column("verdict"),
+        ">median rel. std [%]",
+        ">worst torque [%]",
+        ">95 % intervals that hold [%]",
+        "verdict",
     )
     return Table(columns, tuple(_length_row(rehearsal, stage) for stage in rehearsal.stages))
 

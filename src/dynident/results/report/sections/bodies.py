@@ -17,7 +17,7 @@ from dynident.results.nominal import SIGNS
 from dynident.results.plausibility import range_end
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
-from dynident.results.text import Column, format_number, format_value, label, line_up, pretty_unit
+from dynident.results.text import Column, columns_of, format_number, format_value, label, line_up, pretty_unit
 
 _RANK = list(SIGNS)
 
@@ -76,10 +76,10 @@ class Bodies(ReportSection):
 
 def _bodies(names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]]) -> JudgedTable:
     """Return mass, centre of mass and inertia about it; a value is judged by the worst of what it is made of."""
-    columns = (
-        Column("mass", "kg"),
+    columns = columns_of(
+        "mass [kg]",
         *(Column(f"centre {axis}" if axis == "x" else axis, "m") for axis in "xyz"),
-        *(Column(f"I{pair}", "kg·m²") for pair in ("xx", "yy", "zz", "xy", "xz", "yz")),
+        *(f"I{pair} [kg·m²]" for pair in ("xx", "yy", "zz", "xy", "xz", "yz")),
     )
     values, worst, remarks = [], [], []
     for row, verdict in zip(theta, verdicts, strict=True):

@@ -11,7 +11,7 @@ import numpy as np
 from dynident.results.figures import convergence_chart
 from dynident.results.report.sections.base import ReportSection, drawn
 from dynident.results.report.subject import Subject
-from dynident.results.text import Column, Table, format_number, format_percent, label
+from dynident.results.text import Table, columns_of, format_number, format_percent, label
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,7 @@ def _is_trace(found: Sequence[float | None] | None) -> bool:
 
 
 def _ends(traces: dict[str, Sequence[float]], optimum: float | None) -> Table:
-    columns = (
-        Column("estimator"),
-        Column("iterations", numeric=True),
-        Column("first", numeric=True),
-        Column("last", numeric=True),
-        Column("above the optimum", "%", numeric=True),
-    )
+    columns = columns_of("estimator", ">iterations", ">first", ">last", ">above the optimum [%]")
     rows = []
     for name, trace in traces.items():
         gap = (float(trace[-1]) - optimum) / abs(optimum) if optimum else float("nan")

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Dataset, Subject
-from dynident.results.text import MISSING, Column, Table, format_number, in_words, label, plain_value, term
+from dynident.results.text import MISSING, Table, columns_of, format_number, in_words, label, plain_value, term
 
 
 @dataclass(frozen=True)
@@ -52,13 +52,7 @@ def _facts(filter: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _logs(subject: Subject) -> Table:
-    columns = (
-        Column("used for"),
-        Column("log"),
-        Column("samples", numeric=True),
-        Column("duration", "s", numeric=True),
-        Column("rate", "Hz", numeric=True),
-    )
+    columns = columns_of("used for", "log", ">samples", ">duration [s]", ">rate [Hz]")
     return Table(columns, tuple(row for dataset in subject.datasets for row in _log_rows(dataset)))
 
 

@@ -17,7 +17,7 @@ from dynident.results.figures import friction_chart
 from dynident.results.figures.residuals import speed_grid
 from dynident.results.report.sections.base import ReportSection, drawn
 from dynident.results.report.subject import Subject
-from dynident.results.text import MISSING, Column, Table, format_number, format_value, label, pretty_unit
+from dynident.results.text import MISSING, Table, columns_of, format_number, format_value, label, pretty_unit
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,7 @@ def _figures(subject: Subject) -> list[Markup]:
 
 
 def _coefficients(estimate: Estimate) -> Table:
-    columns = (
-        Column("drive"),
-        Column("coefficient"),
-        Column("value", numeric=True),
-        Column("std", numeric=True),
-        Column("unit"),
-        Column("verdict"),
-    )
+    columns = columns_of("drive", "coefficient", ">value", ">std", "unit", "verdict")
     theta, base = standard_parameters(estimate), estimate.base
     alone = {int(base.independent[row]): row for row in range(base.count) if np.count_nonzero(base.matrix[row]) == 1}
     rows = []

@@ -14,7 +14,7 @@ from dynident.results.figures.chart import WIDTH
 from dynident.results.figures.residuals import spectrum, thinned
 from dynident.results.report.sections.base import ReportSection, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
-from dynident.results.text import MISSING, Column, Table, format_number, format_to, label, pretty_unit
+from dynident.results.text import MISSING, Table, columns_of, format_number, format_to, label, pretty_unit
 
 #: Share of the largest density below which a spectrum is not drawn: what a filter leaves of nothing.
 _FAINT = 1e-4
@@ -37,16 +37,16 @@ class Residuals(ReportSection):
 
 
 def _table(subject: Subject) -> Table:
-    columns = (
-        Column("data"),
-        Column("joint"),
-        Column("unit"),
-        Column("mean", numeric=True),
-        Column("std", numeric=True),
-        Column("largest", numeric=True),
-        Column("at", "s", numeric=True),
-        Column("correlation of neighbours", numeric=True),
-        Column("correlation factor", numeric=True),
+    columns = columns_of(
+        "data",
+        "joint",
+        "unit",
+        ">mean",
+        ">std",
+        ">largest",
+        ">at [s]",
+        ">correlation of neighbours",
+        ">correlation factor",
     )
     rows = []
     for dataset in subject.datasets:

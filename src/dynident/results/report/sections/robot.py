@@ -12,7 +12,7 @@ from dynident.model.robot import Robot
 from dynident.results.plausibility import nominal_state
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
-from dynident.results.text import MISSING, Column, Table, format_given, in_words, label, pretty_unit
+from dynident.results.text import MISSING, Table, columns_of, format_given, in_words, label, pretty_unit
 
 
 @dataclass(frozen=True)
@@ -50,16 +50,8 @@ def _friction(part: Friction) -> str:
 
 
 def _joints(robot: Robot) -> Table:
-    columns = (
-        Column("joint"),
-        Column("kind"),
-        Column("from", numeric=True),
-        Column("to", numeric=True),
-        Column("unit"),
-        Column("speed", "unit/s", numeric=True),
-        Column("acceleration", "unit/s²", numeric=True),
-        Column("effort", numeric=True),
-        Column("unit"),
+    columns = columns_of(
+        "joint", "kind", ">from", ">to", "unit", ">speed [unit/s]", ">acceleration [unit/s²]", ">effort", "unit"
     )
     rows = []
     for joint in robot.joints:
@@ -77,12 +69,7 @@ def _drives(robot: Robot) -> Table | None:
     stated = [joint.drive for joint in robot.active]
     if all(d.gear_ratio == 1 and d.rotor_inertia == 0 and d.gain is None for d in stated) and not robot.is_coupled:
         return None
-    columns = (
-        Column("joint"),
-        Column("gear ratio", numeric=True),
-        Column("rotor inertia", "kg·m²", numeric=True),
-        Column("gain", "N·m/A", numeric=True),
-    )
+    columns = columns_of("joint", ">gear ratio", ">rotor inertia [kg·m²]", ">gain [N·m/A]")
     rows = tuple(
         (label(j.name), *map(format_given, (j.drive.gear_ratio, j.drive.rotor_inertia, j.drive.gain)))
         for j in robot.active
@@ -96,14 +83,7 @@ def _matrix(robot: Robot) -> str:
 
 
 def _links(robot: Robot) -> Table:
-    columns = (
-        Column("link"),
-        Column("mass", "kg", numeric=True),
-        Column("centre x", "m", numeric=True),
-        Column("y", "m", numeric=True),
-        Column("z", "m", numeric=True),
-        Column("physically consistent"),
-    )
+    columns = columns_of("link", ">mass [kg]", ">centre x [m]", ">y [m]", ">z [m]", "physically consistent")
     rows = []
     for link in robot.links:
         name = label(link.name) + (f" (with {', '.join(map(label, link.fixed))})" if link.fixed else "")

@@ -11,7 +11,16 @@ import numpy as np
 from dynident.results.figures import TorqueBands, TorqueSignals, torque_chart
 from dynident.results.report.sections.base import Drawing, ReportSection, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
-from dynident.results.text import Column, Table, format_number, format_percent, in_words, label, pretty_unit, rest_words
+from dynident.results.text import (
+    Table,
+    columns_of,
+    format_number,
+    format_percent,
+    in_words,
+    label,
+    pretty_unit,
+    rest_words,
+)
 
 #: Bytes of all figures together that go into the numbers behind them; a value takes 8/3.
 _BUDGET = 1_000_000
@@ -85,11 +94,7 @@ def _bands(dataset: Dataset) -> Table | None:
         )
         for joint in dataset.validation.bands()
     )
-    columns = (
-        Column("joint"),
-        Column("of the parameters", "±", numeric=True),
-        Column("with the noise of the fit", "±", numeric=True),
-        Column("unit"),
-        Column("samples inside", "%", numeric=True),
+    columns = columns_of(
+        "joint", ">of the parameters [±]", ">with the noise of the fit [±]", "unit", ">samples inside [%]"
     )
     return Table(columns, rows) if rows else None

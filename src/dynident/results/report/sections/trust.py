@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
-from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label
+from dynident.results.text import MISSING, Table, columns_of, format_number, format_percent, label
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,7 @@ class Trust(ReportSection):
 
 
 def _joints(found: Mapping[str, Any]) -> tuple[str, Table]:
-    columns = (
-        Column("joint"),
-        Column("whiteness: p-value", numeric=True),
-        Column("constant variance: p-value", numeric=True),
-    )
+    columns = columns_of("joint", ">whiteness: p-value", ">constant variance: p-value")
     rows = tuple(
         (label(joint["name"]), *(format_number(joint[key], 2) for key in ("whiteness_p", "constant_variance_p")))
         for joint in found["joints"]
@@ -44,11 +40,7 @@ def _joints(found: Mapping[str, Any]) -> tuple[str, Table]:
 
 
 def _parts(found: Mapping[str, Any]) -> tuple[str, Table]:
-    columns = (
-        Column("part of the logs"),
-        Column("leverage", "%", numeric=True),
-        Column("Cook's distance", numeric=True),
-    )
+    columns = columns_of("part of the logs", ">leverage [%]", ">Cook's distance")
     rows = tuple(
         (f"{k} of {len(found['parts'])}", format_number(100 * part["leverage"], 2), _number(part["cook"]))
         for k, part in enumerate(found["parts"], start=1)
@@ -57,7 +49,7 @@ def _parts(found: Mapping[str, Any]) -> tuple[str, Table]:
 
 
 def _folds(found: Mapping[str, Any]) -> tuple[str, Table]:
-    columns = (Column("left out"), Column("samples", numeric=True), Column("relative error", numeric=True))
+    columns = columns_of("left out", ">samples", ">relative error")
     rows = tuple((label(fold["name"]), str(fold["rows"]), _share(fold["relative_error"])) for fold in found["folds"])
     return f"Cross-validation over {found['over']} ({found['estimator']})", Table(columns, rows)
 
