@@ -94,6 +94,7 @@ SMALL = {
     "api/validate.py": "a verb",
     "arrays.py": "ground of all wings",
     "case/draft/stated_units.py": "what files state, apart from what their values say",
+    "case/draft/turn_counters.py": "turns of encoders, apart from what else values say",
     "case/draft/yaml_words.py": "how YAML is written, apart from what",
     "case/open_friction.py": "needed by cases that leave friction to the logs, and loads identification",
     "case/evidence/positions.py": "one kind of evidence",

@@ -14,6 +14,8 @@ from dynident.case.case import read_case
 from dynident.case.case_draft import Draft, draft_case, draft_summary
 from dynident.diagnosis.examination import examine
 from dynident.errors import DescriptionError, LogFormatError
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
@@ -111,9 +113,35 @@ def test_velocities_tell_the_time_of_a_counted_row(tmp_path: Path) -> None:
     assert unit.certain and unit.text == "10 ms" and "dq" in stated.recognition.sources
     bare = drafted(tmp_path, robot, with_velocities(motion, "q{}", "dq{}")).recognition.units["time"]
     assert not bare.certain and bare.text == "10 ms" and "if both have the same unit" in bare.why
+    rows = np.arange(len(motion["time"])) // 2 * 2
+    held = {key: values if key == "time" else values[rows] for key, values in motion.items()}
+    twice = drafted(tmp_path, robot, with_velocities(held, "q{}", "dq{}")).recognition.units["time"]
+    assert twice.text == "10 ms"  # each reading in two rows had been taken for 14.1 ms
     noise = motion | {"dq": np.random.default_rng(2).standard_normal(motion["dq"].shape)}
     other = drafted(tmp_path, robot, with_velocities(noise, "q{}", "dq{}")).recognition.units["time"]
     assert not other.words and "tells no rate" in other.why
+
+
+def test_torques_of_a_model_are_not_taken_for_measured_ones(tmp_path: Path) -> None:
+    """What controllers log beside the measured torques has a plainer name and is explained best: it is the model."""
+    robot, motion = six()
+    model = DynamicModel(robot)
+    ddq = np.gradient(motion["dq"], motion["time"], axis=0)
+    computed = model.torque(Motion(motion["q"], motion["dq"], ddq), model.nominal())
+    friction = np.array([8.0, 8.0, 6.0, 3.0, 2.0, 2.0]) * np.tanh(motion["dq"] / 0.01)
+    columns = {"t": motion["time"]}
+    for name, values in {"q": motion["q"], "Torque": computed, "TorqueSm": computed + friction}.items():
+        columns |= {f"{name}{k + 1}": values[:, k] for k in range(6)}
+    columns |= {f"TorqueOffset{k + 1}": np.zeros(len(motion["time"])) for k in range(6)}
+    found = drafted(tmp_path, robot, columns).recognition
+    assert found.sources["torque"].columns[0] == "TorqueSm1" and not found.rivals
+    assert "torques of a model" in found.unread["Torque1"] and not {"TorqueSm1", "q1"} & found.unread.keys()
+    same = drafted(tmp_path, robot, columns | {f"TorqueSm{k + 1}": 1.01 * computed[:, k] for k in range(6)}).recognition
+    assert same.sources["torque"].columns[0] == "Torque1" and not same.unread  # a filtered copy is no other torque
+    both = {f"Torque{k + 1}": (computed + 0.5 * friction)[:, k] for k in range(6)}
+    draft = drafted(tmp_path, robot, columns | both)
+    (question,) = [one.text for one in draft.needed if "measured torques" in one.text]
+    assert "Torque1 to Torque6 or TorqueSm1 to TorqueSm6" in question and "Bodies without friction leave" in question
 
 
 @pytest.mark.parametrize(("cutoff", "fault"), [("51", True), ("20", False), ("auto", False)])

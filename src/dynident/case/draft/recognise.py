@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array
 from dynident.case.draft.column_groups import groups_of_robot, single_temperatures
 from dynident.case.draft.commands import by_commands
 from dynident.case.draft.joint_choice import JointChoice, choose_joints, lacking
@@ -36,6 +36,8 @@ from dynident.case.draft.stated_units import (
 )
 from dynident.case.draft.tied_columns import with_sums, without_followers
 from dynident.case.draft.time_columns import time_columns, time_unit_of, unit_of_time, velocity_ratio
+from dynident.case.draft.torque_choice import measured_torques, without_change
+from dynident.case.draft.turn_counters import unit_of_turn, with_turns, with_wrapped
 from dynident.case.draft.unnamed_columns import by_structure, clock_by_values, with_missing_signals, with_named_efforts
 from dynident.case.draft.unread_joints import with_held, without_grippers
 from dynident.case.draft.yaml_words import few, listed, quoted
@@ -46,7 +48,6 @@ from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import SUM, MadeTable
 from dynident.data.formats._units import RATED
 from dynident.data.log import Log
-from dynident.data.turns import jumps_of_a_turn, turns_counted
 from dynident.errors import LogFormatError, NoNumbers
 from dynident.model.robot import Robot
 
@@ -94,7 +95,9 @@ def recognised(
         return recognised(robot, given, profile, {**unread, **dict.fromkeys(error.columns, NO_NUMBERS)})
     if not profile and (why := without_sign(found.sources, readings[0])):
         return recognised(robot, given, profile, {**unread, **dict.fromkeys(found.sources["current"].columns, why)})
-    return with_held(_with_temperature(_by_values(replace(found, readings=readings)), tables), tables)
+    found = with_held(_with_temperature(_by_values(replace(found, readings=readings)), tables), tables)
+    found, computed = measured_torques(found, tables)
+    return recognised(robot, given, profile, {**unread, **computed}) if computed else found
 
 
 def _with_temperature(found: Recognised, tables: Sequence[LogTable]) -> Recognised:
@@ -153,7 +156,10 @@ def _by_profile(found: Recognised, fits: Sequence[ProfileFit]) -> Recognised:
 
 
 def _by_names(found: Recognised, table: LogTable) -> Recognised:
-    choice = choose_signals(groups_of_robot(found.header, found.robot), found.robot.dof)
+    groups = groups_of_robot(found.header, found.robot)
+    choice = choose_signals(groups, found.robot.dof)
+    if {"torque", "current"} & choice.rivals.keys() and (still := without_change(choice.rivals, table)):
+        choice = choose_signals([group for group in groups if group not in still], found.robot.dof)
     times = [found.time] if found.is_clocked else time_columns(found.header)
     times = times or [clock_by_values(found.header, table)]
     sources = {
@@ -165,6 +171,9 @@ def _by_names(found: Recognised, table: LogTable) -> Recognised:
     if "temperature" in sources:
         found = replace(found, temperature=sources.pop("temperature"))
     rivals = dict(choice.rivals)
+    if "torque" in sources and "current" in rivals:
+        both = " and ".join(group.shown() for group in rivals.pop("current"))
+        left_out["current"] = f"{both} are there as well; the torques are read"
     if "dq" in rivals:
         both = " or ".join(group.shown() for group in rivals.pop("dq"))
         left_out["dq"] = f"{both}: only the filter as_given reads velocities"
@@ -199,7 +208,7 @@ def _by_values(found: Recognised) -> Recognised:
         found = tied[0]
     elif not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
         found = _first_columns(found)
-    found = _with_turns(found)
+    found = with_turns(found)
     q = np.concatenate([reading.signals["q"] for reading in found.readings])
     if not found.profiles and tied is None and not found.without_effort:
         group = next(g for g in column_groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
@@ -207,9 +216,9 @@ def _by_values(found: Recognised) -> Recognised:
     found = without_grippers(replace(found, units=units))
     q = np.concatenate([reading.signals["q"] for reading in found.readings])
     moving = found.moving
-    found = _with_wrapped(found)
+    found = with_wrapped(found)
     if found.turn and "position" not in units:
-        units["position"] = _unit_of_turn(found, stated["q"])
+        units["position"] = unit_of_turn(found, stated["q"])
     if "position" not in units and "q" in found.on_motors:
         units["position"] = unit_of_motors(stated["q"])
     elif "position" not in units and moving is not None and len(found.joints.names) == q.shape[1]:
@@ -228,48 +237,6 @@ def _by_values(found: Recognised) -> Recognised:
     found = replace(found, band_hz=max(bands) if units["time"].words else 0.0)
     found = _with_effort(replace(found, units=units), moving, factors, stated)
     return with_sums(_with_motion(found, q, factors), tied[1] if tied is not None else ())
-
-
-def _with_turns(found: Recognised) -> Recognised:
-    """Return what was found with positions whose counters start again counted on, in the units of the file."""
-    for turn in (2 * np.pi, 360.0):
-        again = np.any([_start_again(reading, turn) for reading in found.readings], axis=0)
-        if again.any():
-            readings = tuple(
-                replace(reading, signals=_counted(reading.signals, again, turn)) for reading in found.readings
-            )
-            return replace(found, readings=readings, turn=turn)
-    return found
-
-
-def _start_again(reading: LogReading, turn: float) -> BoolArray:
-    """Return which positions jump by a turn and stay within one: a slip of a few degrees is no counter."""
-    q = reading.signals["q"]
-    return (jumps_of_a_turn(q, turn, reading.time) > 0) & (np.ptp(q, axis=0) <= 1.01 * turn)
-
-
-def _counted(signals: Mapping[str, Array], again: BoolArray, turn: float) -> dict[str, Array]:
-    """Return signals with positions counted on where they start ``again``, shape (n,)."""
-    found = dict(signals)
-    for key in ("q", "q_ref"):
-        if key in signals and signals[key].shape[1] == len(again):
-            found[key] = np.where(again, turns_counted(signals[key], turn=turn), signals[key])
-    return found
-
-
-def _with_wrapped(found: Recognised) -> Recognised:
-    """Return what was found with the joints whose turns are counted on: all that turn, as they have one electronics."""
-    if not found.turn:
-        return found
-    kinds = {joint.name: joint.kind for joint in found.robot.active}
-    return replace(found, wrapped=tuple(name for name in found.joints.names if kinds[name] == "revolute"))
-
-
-def _unit_of_turn(found: Recognised, stated: str) -> SignalUnit:
-    """Return the unit of positions that start again after a turn: that of the turn, where all joints turn."""
-    word = "deg" if found.turn > 2 * np.pi else "rad"
-    fits = len(found.wrapped) == len(found.joints.names) and stated in ("", word)
-    return SignalUnit((word,), fits, f"they start again after {found.turn:.4g}, a whole turn")
 
 
 def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated: Mapping[str, str]) -> Recognised:

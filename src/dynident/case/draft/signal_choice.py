@@ -42,7 +42,7 @@ def choose_signals(groups: Sequence[Group], joints: int, effort_only: bool = Fal
         joints: Number of joints of the robot.
         effort_only: Whether the positions are known already, and only torques and currents are looked for.
     """
-    refused = tuple((group, why) for group in groups if (why := _why_refused(group)))
+    refused = tuple((group, why) for group in groups if (why := why_refused(group)))
     sound = [group for group in groups if group not in [bad for bad, _ in refused]]
     if effort_only:
         efforts = {signal: _best([g for g in sound if g.meaning.signal == signal], joints) for signal in SIGNALS[2:4]}
@@ -112,7 +112,7 @@ def _is_estimated(group: Group) -> bool:
     return group.meaning.signal == "torque" and bool(words) and words <= _ESTIMATED
 
 
-def _why_refused(group: Group) -> str:
+def why_refused(group: Group) -> str:
     """Return why a group is no measurement; empty where it may be one."""
     known = unmeasured(group.names[0])
     if known is not None:

@@ -240,7 +240,7 @@ def _with_effort(
     q = values[:, [told.header.index(name) for name in groups["q"].names]]
     q = q * position_factors(position_unit(q, robot.active, ""), robot.dof)
     cutoff = cutoff_from(band(seconds, q), 1.0 / float(np.median(np.diff(seconds))))
-    shares = _explained_shares(robot, seconds, q, [values[:, run] for run in runs], cutoff)
+    shares = explained_shares(robot, seconds, q, [values[:, run] for run in runs], cutoff)
     ranked = sorted(zip(shares, runs, strict=True), key=lambda item: -item[0])
     if not ranked or not ranked[0][0] >= EXPLAINED:
         return _Efforts(*found)
@@ -311,7 +311,9 @@ def _common_rate(factor: float) -> float:
     return float(near if abs(near / factor - 1) < 0.02 else f"{factor:.3g}")
 
 
-def _explained_shares(robot: Robot, time: Array, q: Array, efforts: Sequence[Array], cutoff_hz: float) -> list[float]:
+def explained_shares(
+    robot: Robot, time: Array, q: Array, efforts: Sequence[Array], cutoff_hz: float, has_friction: bool = True
+) -> list[float]:
     """Return how well columns follow the equations of motion of the robot model, whatever its inertias.
 
     Args:
@@ -320,13 +322,14 @@ def _explained_shares(robot: Robot, time: Array, q: Array, efforts: Sequence[Arr
         q: Positions in rad or m, shape (N, n).
         efforts: Columns that may be torques or currents, (N, n) each.
         cutoff_hz: Cut-off of the filter.
+        has_friction: Whether Coulomb and viscous friction count, or else the inertia of rotors.
 
     Returns:
-        Share of the variance of each that base parameters, Coulomb and viscous friction and an offset explain, the
-        joints weighted alike; 0 where a log is too poor.
+        Share of the variance of each that base parameters, friction and an offset explain, the joints weighted alike;
+        0 where a log is too poor.
     """
-    friction = (FRICTION.make("coulomb", {"width": 0.01}), FRICTION.make("viscous"), FRICTION.make("offset"))
-    model = DynamicModel(robot, friction)
+    parts = {"coulomb": {"width": 0.01}, "viscous": {}} if has_friction else {"rotor_inertia": {}}
+    model = DynamicModel(robot, tuple(FRICTION.make(name, each) for name, each in {**parts, "offset": {}}.items()))
     base = base_parameters(model)
     shares: list[float] = []
     columns = grams = np.empty(0)

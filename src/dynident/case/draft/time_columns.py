@@ -21,10 +21,10 @@ from dynident.case.draft.column_words import (
     tokens_of,
     words_of,
 )
-from dynident.case.draft.readings import LogReading
+from dynident.case.draft.readings import LogReading, band
 from dynident.case.draft.signal_units import SignalUnit, factor_of
 from dynident.case.evidence.rows import USUAL_STEPS, is_step, time_units
-from dynident.case.evidence.velocities import is_near, velocity_pair
+from dynident.case.evidence.velocities import BAND_HZ, is_near, velocity_pair
 
 #: Words for a second and its parts, and what else the names of the two columns of a time say.
 _SECONDS: Mapping[str, str] = {
@@ -84,6 +84,9 @@ def unit_of_time(name: str, header: Sequence[str] = ()) -> str:
     return meaning_of([word for word in words_of(base, container_of(header)) if not word.isdigit()], unit).unit
 
 
+#: Frequency in Hz at which the band of the motion ends, for a comparison of velocities below :data:`BAND_HZ`.
+_IN_BAND = 0.5 * BAND_HZ
+
 #: What is to be stated of a counter of rows.
 _COUNTER = "the rows are counted without a gap, which tells no rate: state the time from one row to the next"
 
@@ -128,8 +131,9 @@ def _of_counter(reading: LogReading, units: tuple[str, str]) -> SignalUnit:
     is_stated = all(units)
     if is_stated:
         q, dq = q * factor_of("position", units[0]), dq * factor_of("velocity", units[1])
-    pair = velocity_pair(reading.time, q, dq)
-    ratios = np.empty(0) if pair is None else pair.ratios[pair.moving]
+    unit = band(reading.time, q) / _IN_BAND  # of the motion; beyond, values that are held for several rows have steps
+    pair = velocity_pair(reading.time * unit, q, dq) if unit else None
+    ratios = np.empty(0) if pair is None else pair.ratios[pair.moving] / unit
     rate = float(np.median(ratios)) if len(ratios) else 0.0
     if rate <= 0 or not is_step(1 / rate, USUAL_STEPS) or not all(is_near(ratio, rate) for ratio in ratios.tolist()):
         return SignalUnit((), False, f"{_COUNTER}, such as 4 ms")

@@ -10,6 +10,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.log import Log
 from dynident.data.preprocessing._closed_brakes import closed_brakes
+from dynident.data.preprocessing._held_rows import first_of_each_reading
 from dynident.data.preprocessing._local_polynomials import fractional_shift, shifted
 from dynident.data.preprocessing._thinning import Thinning
 from dynident.data.preprocessing.base import Filter
@@ -308,6 +309,8 @@ def at_rest(dq: Array, velocity: float | Array, rate: float, shortest: float = S
 def resample(log: Log, longest_gap: float | None = None) -> Log:
     """Return the log on a uniform grid at its median rate, by linear interpolation; as it is where it is uniform.
 
+    Of readings that stand in several rows each the first row is taken.
+
     Args:
         log: As it came.
         longest_gap: A longer gap in time, in s, is refused; None for half a second.
@@ -323,6 +326,8 @@ def resample(log: Log, longest_gap: float | None = None) -> Log:
         evidence = f"time does not run forward at sample {row + 1} ({log.time[row - 1]:.6g} to {log.time[row]:.6g} s)"
         raise LogMismatch(log.name, evidence, "sort the rows or remove the repeated ones")
     check_gaps(log, longest_gap)
+    log, rows = first_of_each_reading(log)
+    steps = steps if rows == 1 else np.diff(log.time)
     middle = float(np.median(steps))
     if np.max(np.abs(steps - middle)) <= UNIFORM * middle:
         return log

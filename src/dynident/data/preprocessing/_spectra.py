@@ -19,6 +19,10 @@ NOISE_BAND = (0.5, 0.95)
 #: Share of the power of the velocities that the excited band holds.
 EXCITED = 0.99
 
+#: Share of the power of the positions within their band, and the highest excited frequency in terms of it: positions
+#: that are held for several rows have steps, whose velocities are large at all frequencies.
+WITHIN, HIGHEST = 0.999, 10.0
+
 #: How far the power of the acceleration rises below its valley before it is that of the motion.
 MOTION = 10.0
 
@@ -69,12 +73,19 @@ class Spectra:
 
     @property
     def excited_hz(self) -> Array:
-        """Frequency below which nearly all power of each joint's velocity up to its valley lies, shape (n,)."""
+        """Frequency below which nearly all power of each joint's velocity up to its valley lies, shape (n,).
+
+        It is at most ten times the one below which nearly all power of its position lies.
+        """
         width = np.gradient(self.hertz) if len(self.hertz) > 1 else np.ones(1)
         inside = self.hertz[:, None] <= self.valley_hz
-        velocity = np.where(inside, self.position * (width * self.hertz**2)[:, None], 0.0)
-        share = np.cumsum(velocity, axis=0) / np.maximum(velocity.sum(axis=0), 1e-300)
-        return self.hertz[np.argmax(share >= EXCITED, axis=0)]
+        position = np.where(inside, self.position * width[:, None], 0.0)
+        velocity = position * self.hertz[:, None] ** 2
+        found = [
+            self.hertz[np.argmax(np.cumsum(power, axis=0) >= share * power.sum(axis=0), axis=0)]
+            for power, share in ((velocity, EXCITED), (position, WITHIN))
+        ]
+        return np.minimum(found[0], HIGHEST * found[1])
 
 
 def spectra_of(log: Log) -> Spectra:
