@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from dynident.data.preprocessing._low_pass import butterworth
-from dynident.data.preprocessing._zero_phase import zero_phase
+from dynident.data.preprocessing._zero_phase import butterworth, zero_phase
 from dynident.model.kernels.recurrence import Recurrence
 
 

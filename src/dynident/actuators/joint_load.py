@@ -11,8 +11,7 @@ from scipy.interpolate import Akima1DInterpolator
 from dynident.actuators.rollout_loop import COLUMNS
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array
-from dynident.data.preprocessing._low_pass import LowPass, butterworth
-from dynident.data.preprocessing._zero_phase import zero_phase
+from dynident.data.preprocessing._zero_phase import LowPass, butterworth, zero_phase
 from dynident.errors import NotConsistent
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched

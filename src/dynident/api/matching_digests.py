@@ -9,8 +9,7 @@ from pathlib import Path
 from dynident.data.preprocessing import Preprocessing
 from dynident.errors import TriangleFileError
 from dynident.identification.files.saved_values import model_to_dict
-from dynident.identification.streaming.digest import Digest
-from dynident.identification.streaming.merge_tree import MergeTree
+from dynident.identification.streaming.digest import Digest, MergeTree
 from dynident.identification.streaming.triangle_file import model_hash, read_digest
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel

@@ -26,8 +26,7 @@ from dynident.data.log import Log
 from dynident.data.log_places import at_hand, size_of
 from dynident.errors import DynidentError, FileError, LogFormatError, LogMismatch, MissingDependency, PoolFailed
 from dynident.identification.streaming import reduction
-from dynident.identification.streaming.digest import Digest
-from dynident.identification.streaming.merge_tree import MergeTree
+from dynident.identification.streaming.digest import Digest, MergeTree
 from dynident.identification.streaming.one_log import Checkpoint
 from dynident.identification.streaming.reduction import Standing, reduce_logs
 from dynident.identification.streaming.triangle_file import read_digest, write_digest

@@ -307,9 +307,7 @@ def at_rest(dq: Array, velocity: float | Array, rate: float, shortest: float = S
 
 
 def resample(log: Log, longest_gap: float | None = None) -> Log:
-    """Return the log on a uniform grid at its median rate, by linear interpolation; as it is where it is uniform.
-
-    Of readings that stand in several rows each the first row is taken.
+    """Return the log, one row of each reading, on a uniform grid at its median rate, by linear interpolation.
 
     Args:
         log: As it came.
@@ -326,8 +324,8 @@ def resample(log: Log, longest_gap: float | None = None) -> Log:
         evidence = f"time does not run forward at sample {row + 1} ({log.time[row - 1]:.6g} to {log.time[row]:.6g} s)"
         raise LogMismatch(log.name, evidence, "sort the rows or remove the repeated ones")
     check_gaps(log, longest_gap)
-    log, rows = first_of_each_reading(log)
-    steps = steps if rows == 1 else np.diff(log.time)
+    log = first_of_each_reading(log)
+    steps = np.diff(log.time)
     middle = float(np.median(steps))
     if np.max(np.abs(steps - middle)) <= UNIFORM * middle:
         return log

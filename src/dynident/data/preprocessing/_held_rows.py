@@ -14,53 +14,48 @@ from dynident.data.log import Log
 #: coarse encoder do one by one; and of the readings that stand in about as many rows, where few columns change.
 REPEATED, TOGETHER, REGULAR, SEVERAL = 1 / 3, 0.7, 0.9, 4
 
-#: Rows of a reading from which on the joints rest, in terms of its usual rows.
-REST = 4
-
-#: Fewest readings that say how many rows each stands in.
-FEWEST = 50
+#: Usual rows of a reading from which on the joints rest, and fewest readings that say how many it stands in.
+REST, FEWEST = 4, 50
 
 
-def first_of_each_reading(log: Log) -> tuple[Log, int]:
-    """Return the log with one row of each reading, the first, and how many rows a reading stands in; 1 for one.
+def first_of_each_reading(log: Log) -> Log:
+    """Return the log with the first row of each reading of positions, velocities and torques.
 
-    Positions, velocities and torques of all joints are then the same for as many rows, again and again. What stays the
-    same for longer, as at rest, keeps one row in as many. Where positions alone are held so, a straight line joins
-    their readings.
+    What stays the same for longer, as at rest, keeps one row in as many as a reading usually stands in. Where positions
+    alone stand in several rows, a straight line joins their readings.
     """
     signals = {name: values for name in ("q", "dq", "torque") if (values := getattr(log, name)) is not None}
     count, starts = _rows_of_reading(list(signals.values()))
     if count > 1:
-        return log.rows(starts, f"each reading stands in {count} rows: the first of them kept"), count
+        return log.rows(starts, f"each reading stands in {count} rows: the first of them kept")
     moved = {}
     for name in ("q", "dq"):
         count, starts = _rows_of_reading([signals[name]] if name in signals else [])
         if count > 1:
-            columns = [np.interp(log.time, log.time[starts], column) for column in signals[name][starts].T]
-            moved[name] = np.column_stack(columns)
+            readings = signals[name][starts].T
+            moved[name] = np.column_stack([np.interp(log.time, log.time[starts], column) for column in readings])
             log = log.with_step(f"each reading of {name} stands in {count} rows: a straight line from one to the next")
-    return replace(log, **moved) if moved else log, 1
+    return replace(log, **moved) if moved else log
 
 
 def _rows_of_reading(signals: Sequence[Array]) -> tuple[int, IntArray]:
     """Return how many rows a reading stands in, 1 where each is of its own, and the first row of each reading."""
-    none, counts = (1, np.zeros(0, int)), list[int]()
+    none, each = (1, np.zeros(0, int)), list[int]()
     changed = np.zeros(max(len(signals[0]) - 1, 0) if signals else 0, bool)
     for column in (column for values in signals for column in values.T):
         own = column[1:] != column[:-1]
-        counts.append(int(np.count_nonzero(own)))
+        each.append(int(np.count_nonzero(own)))
         changed |= own
         if np.count_nonzero(changed) > (1.0 - REPEATED) * len(changed):
             return none
     starts = np.concatenate([[0], np.flatnonzero(changed) + 1])
-    gaps, each = np.diff(starts), np.array(counts)
+    gaps = np.diff(starts)
     if len(gaps) < FEWEST or (count := int(np.median(gaps))) < 2:
         return none
-    moved = each[each > 0.5 * each.max()]
-    is_regular = np.mean(np.abs(gaps - count) <= max(1, count // 4)) >= REGULAR
-    if moved.mean() < TOGETHER * len(gaps) or not (is_regular or len(moved) >= SEVERAL):
+    moved = [own for own in each if own > 0.5 * max(each)]
+    regular = np.mean(np.abs(gaps - count) <= max(1, count // 4))
+    if np.mean(moved) < TOGETHER * len(gaps) or (regular < REGULAR and len(moved) < SEVERAL):
         return none
     ends = np.append(starts[1:], len(changed) + 1)
-    long = ends - starts > REST * count
-    ends = np.where(long, ends - count // 2, starts + 1)
+    ends = np.where(ends - starts > REST * count, ends - count // 2, starts + 1)
     return count, np.concatenate([np.arange(*both, count) for both in zip(starts, ends, strict=True)])

@@ -19,8 +19,8 @@ NOISE_BAND = (0.5, 0.95)
 #: Share of the power of the velocities that the excited band holds.
 EXCITED = 0.99
 
-#: Share of the power of the positions within their band, and the highest excited frequency in terms of it: positions
-#: that are held for several rows have steps, whose velocities are large at all frequencies.
+#: Share of the power of positions within their band, and the highest excited frequency in terms of it: steps of
+#: positions that are held have velocities at all frequencies.
 WITHIN, HIGHEST = 0.999, 10.0
 
 #: How far the power of the acceleration rises below its valley before it is that of the motion.
@@ -73,10 +73,7 @@ class Spectra:
 
     @property
     def excited_hz(self) -> Array:
-        """Frequency below which nearly all power of each joint's velocity up to its valley lies, shape (n,).
-
-        It is at most ten times the one below which nearly all power of its position lies.
-        """
+        """Frequency below which nearly all power of each joint's velocity up to its valley lies, shape (n,)."""
         width = np.gradient(self.hertz) if len(self.hertz) > 1 else np.ones(1)
         inside = self.hertz[:, None] <= self.valley_hz
         position = np.where(inside, self.position * width[:, None], 0.0)

@@ -17,8 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.data.preprocessing._low_pass import LowPass, butterworth
-from dynident.data.preprocessing._zero_phase import zero_phase
+from dynident.data.preprocessing._zero_phase import LowPass, butterworth, zero_phase
 
 #: Order at most, and cut-off at most as a share of the sampling rate: beyond them residues of the poles lose digits.
 HIGHEST_ORDER, HIGHEST_CUTOFF = 8, 0.2

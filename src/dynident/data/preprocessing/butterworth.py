@@ -9,9 +9,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing._local_polynomials import central_differences
-from dynident.data.preprocessing._low_pass import butterworth
 from dynident.data.preprocessing._thinning import Thinning, thinning
-from dynident.data.preprocessing._zero_phase import zero_phase
+from dynident.data.preprocessing._zero_phase import butterworth, zero_phase
 from dynident.data.preprocessing.base import Filter
 from dynident.errors import BadOption, LogMismatch
 

@@ -21,7 +21,6 @@ from dynident.identification.estimate.validation import Fit, NominalErrors, Vali
 from dynident.identification.files.estimate_versions import VERSIONS
 from dynident.identification.files.saved_values import (
     columns_from_dict,
-    columns_to_dict,
     model_from_dict,
     model_to_dict,
     preprocessing_from_dict,
@@ -124,7 +123,7 @@ def write_estimate(
         "summary": summary(estimate, test, warnings),
         **plain(model_to_dict(estimate.model)),
         "preprocessing": plain(preprocessing_to_dict(estimate.preprocessing)),
-        "columns": plain(columns_to_dict(estimate.columns)),
+        "columns": plain(asdict(estimate.columns)),
         "beta": estimate.beta.tolist(),
         "covariance": estimate.covariance.tolist(),
         "theta": None if estimate.theta is None else estimate.theta.tolist(),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import fields
 from typing import Any
 
 from dynident.data.formats import ColumnMap, Units
@@ -39,11 +39,6 @@ def preprocessing_from_dict(data: Mapping[str, Any]) -> Preprocessing:
     """Return the preprocessing in plain data; errors are those of its parts."""
     ((kind, options),) = data["filter"].items()
     return Preprocessing(filter=FILTERS.make(kind, options), **{k: v for k, v in data.items() if k != "filter"})
-
-
-def columns_to_dict(columns: ColumnMap) -> dict[str, Any]:
-    """Return a map of columns as plain data."""
-    return asdict(columns)
 
 
 def columns_from_dict(data: Mapping[str, Any]) -> ColumnMap:

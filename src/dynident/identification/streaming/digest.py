@@ -268,7 +268,7 @@ class Digest:
                 raise ValueError(f"the QR factors of {name} have {rows} rows, its logs {self.samples}")
 
     def merged(self, other: Digest) -> Digest:
-        """Return the digest of both, which are of the same model; see :mod:`merge_tree` for more of them.
+        """Return the digest of both, which are of the same model; see :class:`MergeTree` for more of them.
 
         Raises:
             ValueError: A log is in both.
@@ -281,3 +281,51 @@ class Digest:
             chunks=(*self.chunks, *other.chunks),
             options={**other.options, **self.options},
         )
+
+
+class MergeTree:
+    """Digests that have come so far, merged as far as they can be, to the same bits in whatever order they come.
+
+    Positions 0 to n - 1 are cut after the largest power of two below n, and so are both parts: the tree of Merkle's
+    hashes (RFC 6962, section 2.1). A block of 2^k positions from a multiple of 2^k on is a node of it, even the last
+    and shorter one. A position may be empty (None): then its neighbour takes the place of both.
+    """
+
+    def __init__(self) -> None:
+        self._nodes: dict[tuple[int, int], Digest | None] = {}
+
+    def add(self, first: int, size: int, digest: Digest | None) -> None:
+        """Take the digest of a block.
+
+        Args:
+            first: Its first position, a multiple of ``size``.
+            size: Positions of a block, a power of two; the last block may have fewer.
+            digest: What is at these positions; None for nothing.
+
+        Raises:
+            ValueError: These positions have been taken, or begin at no multiple of the size.
+        """
+        level = size.bit_length() - 1
+        index, beyond = divmod(first, size)
+        if beyond or size != 1 << level:
+            raise ValueError(f"positions {first} to {first + size - 1} are no block of the tree")
+        if any((up, index >> (up - level)) in self._nodes for up in range(level, level + 64)):
+            raise ValueError(f"position {first} has been taken")
+        while (other := (level, index ^ 1)) in self._nodes:
+            neighbour = self._nodes.pop(other)
+            digest = _pair(neighbour, digest) if index % 2 else _pair(digest, neighbour)
+            level, index = level + 1, index // 2
+        self._nodes[level, index] = digest
+
+    def merged(self) -> Digest | None:
+        """Return all that has come as one; None where all positions are empty."""
+        found: Digest | None = None
+        for level, index in sorted(self._nodes, key=lambda node: node[1] << node[0], reverse=True):
+            found = _pair(self._nodes[level, index], found)
+        return found
+
+
+def _pair(first: Digest | None, second: Digest | None) -> Digest | None:
+    if first is None or second is None:
+        return first or second
+    return first.merged(second)

@@ -18,8 +18,7 @@ from dynident.data.preprocessing import Preprocessing
 from dynident.errors import DynidentError, FileError, LogFormatError, LogMismatch, PoolFailed
 from dynident.identification.problem.problem import check_motion, check_torque
 from dynident.identification.problem.regressor_stream import RegressorStream
-from dynident.identification.streaming.digest import Digest
-from dynident.identification.streaming.merge_tree import MergeTree
+from dynident.identification.streaming.digest import Digest, MergeTree
 from dynident.identification.streaming.one_log import Checkpoint, reduce_log, settled
 from dynident.identification.streaming.stream_setup import StreamSetup
 from dynident.identification.streaming.triangle_file import model_hash, read_digest, write_digest

@@ -31,7 +31,6 @@ from dynident.file_versions import Document, FileVersions
 from dynident.files import unreadable, write_atomically
 from dynident.identification.files.saved_values import (
     columns_from_dict,
-    columns_to_dict,
     model_from_dict,
     model_to_dict,
     preprocessing_from_dict,
@@ -100,7 +99,7 @@ def write_digest(digest: Digest, path: str | Path, position: Mapping[str, Any] |
         "base": list(digest.base.names),
         "joints": list(digest.model.robot.joint_names),
         "preprocessing": preprocessing_to_dict(digest.how),
-        "columns": columns_to_dict(digest.columns),
+        "columns": asdict(digest.columns),
         "chunks": [asdict(chunk) for chunk in digest.chunks],
         "states": {"count": digest.states.count, "samples": digest.states.samples},
         "starts": list(digest.sampled.starts),
