@@ -25,7 +25,7 @@ import numpy as np
 
 from dynident import DynamicModel, FourierSeries, Log, Preprocessing, base_parameters, identify, read_robot
 from dynident.applications.fleet import fleet_of, robot_of_estimate
-from dynident.applications.fleet.outliers import screened
+from dynident.applications.fleet.fleet import screened
 from dynident.applications.fleet.population import Member, population_of
 from dynident.data.preprocessing import preprocess
 from dynident.data.preprocessing.as_given import AsGiven

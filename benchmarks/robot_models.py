@@ -26,7 +26,7 @@ from benchmarks.mujoco_oracle import mujoco_regressor
 from dynident.arrays import Array
 from dynident.errors import DynidentError
 from dynident.exports.models.proving.engines import without_log
-from dynident.exports.models.proving.mjcf_proof import reload_mjcf
+from dynident.exports.models.proving.robot_model_proof import reload_mjcf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import OWN, Identified
 from dynident.exports.models.subject.source import OwnDescription

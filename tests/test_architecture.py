@@ -102,7 +102,6 @@ SMALL = {
     "case/draft/servo_text.py": "one key of a draft",
     "cli/merge.py": "a command",
     "cli/proving.py": "of export and report",
-    "cli/short_help.py": "help, apart from the parser",
     "data/formats/_simulated_bag.py": "names in recordings of the virtual cell, apart from other recordings",
     "data/motor_side.py": "of logs and their streams",
     "diagnosis/checks/_torque_unit.py": "of two checks",

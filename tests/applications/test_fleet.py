@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynident.applications.fleet import fleet_of, robot_of_estimate
-from dynident.applications.fleet.outliers import distance, screened
+from dynident.applications.fleet.fleet import distance, screened
 from dynident.applications.fleet.population import Member, Population, population_of
 from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing

@@ -9,8 +9,8 @@ import pytest
 import scipy.stats
 
 from dynident.applications.tracking import Pace, Tracker, thresholds_of, tracked
-from dynident.applications.tracking.changes import evidence_of, threshold
 from dynident.applications.tracking.tracked_log import looked_for
+from dynident.applications.tracking.tracker import evidence_of, threshold
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing

@@ -16,7 +16,7 @@ from dynident.excitation.collision.tool_speed import ToolPoint
 from dynident.excitation.collision.workspace import HalfSpace, Workspace
 from dynident.model.shapes import Box
 from dynident.results.figures import Bounded, Scenery, Spot, ToolPath, limit_chart, path_chart, tool_path
-from dynident.results.figures.scenery import EDGES, clipped, plane_outline
+from dynident.results.figures.path import EDGES, clipped, plane_outline
 
 LOW, HIGH = np.array([-1.0, -0.5, 0.0]), np.array([1.0, 1.5, 2.0])
 numbers = st.floats(-3, 3, allow_nan=False).map(lambda value: round(value, 3))

@@ -11,7 +11,7 @@ import pytest
 from test_mjcf import BODY, HINGE, arm, assert_as_mujoco, robot
 
 from dynident.errors import DescriptionError
-from dynident.exports.models.proving.mjcf_proof import reload_mjcf
+from dynident.exports.models.proving.robot_model_proof import reload_mjcf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription

@@ -14,7 +14,7 @@ from random_mjcf import RandomMjcf
 from test_mjcf import assert_as_mujoco
 
 from dynident.errors import DescriptionError
-from dynident.exports.models.proving.mjcf_proof import reload_mjcf
+from dynident.exports.models.proving.robot_model_proof import reload_mjcf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription

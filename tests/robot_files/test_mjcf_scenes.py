@@ -12,7 +12,7 @@ from test_mjcf import BODY, HINGE, LAST, arm, assert_as_mujoco, robot
 
 from dynident.api.given_robots import robot_of
 from dynident.errors import BadArgument, DescriptionError
-from dynident.exports.models.proving.mjcf_proof import reload_mjcf
+from dynident.exports.models.proving.robot_model_proof import reload_mjcf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import OWN, Identified
 from dynident.exports.models.subject.source import OwnDescription

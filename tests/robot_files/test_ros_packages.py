@@ -9,7 +9,7 @@ import pytest
 
 from dynident.cli.main import main
 from dynident.errors import FileError
-from dynident.excitation.collision.robot_capsules import robot_capsules
+from dynident.excitation.collision.covering import robot_capsules
 from dynident.excitation.collision.workspace import Workspace
 from dynident.robot_files import read_robot
 from dynident.robot_files.meshes import missing_meshes, package_folders

@@ -12,11 +12,11 @@ import pytest
 
 from dynident.errors import DescriptionError
 from dynident.exports.models.proving.engines import drake_version
-from dynident.exports.models.proving.sdf_proof import reload_own_sdf
+from dynident.exports.models.proving.robot_model_proof import reload_own_sdf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import OWN, Identified
 from dynident.exports.models.subject.source import OwnDescription
-from dynident.exports.models.writing.sdf_own import PatchedSdf, patched_sdf
+from dynident.exports.models.writing.sdf_text import PatchedSdf, patched_sdf
 from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.shapes import Mesh

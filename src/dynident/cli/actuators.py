@@ -104,7 +104,7 @@ def excite(case: Case, options: argparse.Namespace, defaults: argparse.Namespace
     """
     from dynident.actuators.command_files import motions_data, write_motions
     from dynident.api.servo_motions import servo_motions
-    from dynident.results import servo_motion_text as shown
+    from dynident.results import actuator_text as shown
     from dynident.results.text import counted
 
     for name in _DESIGN:

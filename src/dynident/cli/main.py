@@ -15,8 +15,7 @@ from collections.abc import MutableMapping, Sequence
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, TextIO
 
-from dynident.cli.parser import OneLineParser, empty_value
-from dynident.cli.short_help import ALL_OPTIONS, SHORT, HelpText, shorten_help
+from dynident.cli.parser import ALL_OPTIONS, SHORT, HelpText, OneLineParser, empty_value, shorten_help
 
 if TYPE_CHECKING:
     from dynident.errors import BadOption

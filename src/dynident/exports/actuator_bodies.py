@@ -13,7 +13,7 @@ from dynident.errors import DescriptionError
 from dynident.exports.models.writing.mjcf_own import own_bodies
 from dynident.exports.models.writing.placement import place, shared
 from dynident.exports.models.writing.urdf import urdf_with_bodies
-from dynident.exports.models.writing.xml_text import quaternion
+from dynident.exports.models.writing.xml_edit import quaternion
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot

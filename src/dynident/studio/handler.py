@@ -256,7 +256,7 @@ def _estimate(session: Session, query: Query, data: Data) -> Reply:
 
 
 def _test_torques(session: Session, query: Query, data: Data) -> Reply:
-    from dynident.studio.torques import torques_on_test_data
+    from dynident.studio.preview import torques_on_test_data
 
     return _json(torques_on_test_data(session.folder, query.get("name", "")))
 

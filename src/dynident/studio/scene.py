@@ -12,8 +12,7 @@ import numpy as np
 
 from dynident.arrays import Array, finite
 from dynident.errors import DynidentError, FileError
-from dynident.excitation.collision.covering import covering_capsules
-from dynident.excitation.collision.robot_capsules import robot_capsules
+from dynident.excitation.collision.covering import covering_capsules, robot_capsules
 from dynident.excitation.collision.workspace import Workspace
 from dynident.model.inertia import Inertia
 from dynident.model.joint import Joint

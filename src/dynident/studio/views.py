@@ -163,7 +163,7 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
     from dynident.results.nominal import bodies_table, errors_table, link_changes, links_table, missing_reason
     from dynident.results.text import parameters_table
     from dynident.results.verdict import NOT_CHECKED, cause_lines, headline
-    from dynident.studio.torques import torques_of
+    from dynident.studio.preview import torques_of
 
     path = folder.find(name)
     estimate = read_estimate(path)

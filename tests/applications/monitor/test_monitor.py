@@ -21,7 +21,7 @@ from dynident.applications.compensation import (
 )
 from dynident.applications.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step, watch
 from dynident.applications.monitor.band import Tail, fitted_band, lagged, shrunk, tail_of
-from dynident.applications.monitor.equations import Equations
+from dynident.applications.monitor.momentum_observer import Equations
 from dynident.applications.monitor.signals import residuals_of, signals_of
 from dynident.applications.standstill import end_states
 from dynident.data.formats import ColumnMap, write_log

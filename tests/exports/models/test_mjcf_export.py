@@ -19,7 +19,7 @@ from dynident.data.log import Log
 from dynident.errors import DescriptionError, FileError
 from dynident.exports.models import export_model
 from dynident.exports.models.mjcf import Mjcf
-from dynident.exports.models.proving.mjcf_proof import reload_mjcf
+from dynident.exports.models.proving.robot_model_proof import reload_mjcf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription

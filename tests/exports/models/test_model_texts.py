@@ -9,8 +9,13 @@ from hypothesis import strategies as st
 
 from dynident.exports.models.csv import text
 from dynident.exports.models.latex import escaped, share
-from dynident.exports.models.writing.xml_edit import elements, with_attributes, without_elements
-from dynident.exports.models.writing.xml_text import quaternion, roll_pitch_yaw
+from dynident.exports.models.writing.xml_edit import (
+    elements,
+    quaternion,
+    roll_pitch_yaw,
+    with_attributes,
+    without_elements,
+)
 from dynident.robot_files.rotations import rotation_from_rpy
 
 ANGLE = st.one_of(st.floats(-np.pi, np.pi), st.sampled_from([0.0, np.pi / 2, -np.pi / 2, np.pi, 1.5708, -1.5708]))

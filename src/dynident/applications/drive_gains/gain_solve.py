@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.applications.drive_gains.drive_gains import IDENTIFIED, NOT_DETERMINED, REVERSED, DriveGain, DriveGains
-from dynident.applications.drive_gains.drive_rows import DriveRows
-from dynident.applications.drive_gains.gain_data import GainData, group_squares
-from dynident.applications.drive_gains.gravity import FOUND, STEPS, UPRIGHT, pulls, under, with_lean
+from dynident.applications.drive_gains.gain_data import DriveRows, GainData, group_squares
 from dynident.applications.drive_gains.intervals import GainSpread, spread_of
 from dynident.applications.drive_gains.methods import GainFit, fit_gains
-from dynident.applications.drive_gains.unknowns import Unknowns
+from dynident.applications.drive_gains.unknowns import FOUND, STEPS, UPRIGHT, Unknowns, pulls, under, with_lean
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess

@@ -18,10 +18,14 @@ import numpy.typing as npt
 
 from dynident.applications.drive_gains.drive_gains import IDENTIFIED, NOT_DETERMINED, DriveGains
 from dynident.applications.drive_gains.gain_solve import GainOptions, GainSolve, PreparedRuns, Progress, Runs, misfit_of
-from dynident.applications.drive_gains.gravity import base_in_any_direction
 from dynident.applications.drive_gains.methods import METHODS
 from dynident.applications.drive_gains.payload import CarriedBody
-from dynident.applications.drive_gains.unknowns import Unknowns, unknowns_with_payload, unknowns_with_prior
+from dynident.applications.drive_gains.unknowns import (
+    Unknowns,
+    base_in_any_direction,
+    unknowns_with_payload,
+    unknowns_with_prior,
+)
 from dynident.arrays import Array, vector_text
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, default_preprocessing

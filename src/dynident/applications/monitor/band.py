@@ -29,7 +29,7 @@ import scipy.optimize
 import scipy.signal
 import scipy.special
 
-from dynident.applications.monitor.equations import Terms
+from dynident.applications.monitor.momentum_observer import Terms
 from dynident.arrays import Array, frozen
 from dynident.errors import LogMismatch
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.applications.tracking.changes import Change, ChangeEvidence, changes_of, threshold
-from dynident.applications.tracking.tracker import Pace, Tracker
+from dynident.applications.tracking.tracker import Change, ChangeEvidence, Pace, Tracker, changes_of, threshold
 from dynident.arrays import Array, finite
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, preprocess

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from dynident.arrays import Array, BoolArray, IntArray, frozen
 from dynident.errors import BadOption
 from dynident.excitation.collision.clearance_pairs import Pair, levers, pairs_of, surroundings
-from dynident.excitation.collision.robot_capsules import robot_capsules
+from dynident.excitation.collision.covering import robot_capsules
 from dynident.excitation.collision.workspace import Workspace, link_names
 from dynident.model.chain import Chain
 from dynident.model.kernels.inputs import samples

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.excitation.collision.robot_capsules import travel
+from dynident.excitation.collision.covering import travel
 from dynident.excitation.collision.workspace import Workspace, body_of, link_names
 from dynident.model.joint import Joint
 from dynident.model.robot import Robot

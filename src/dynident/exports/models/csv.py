@@ -16,7 +16,7 @@ from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.identified import NONE, Identified
 from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import base_torque
-from dynident.exports.models.writing.xml_text import number
+from dynident.exports.models.writing.xml_edit import number
 from dynident.identification.consistency.labels import labels_of
 
 #: Signs with which a spreadsheet begins a formula.

@@ -15,7 +15,7 @@ from defusedxml import DefusedXmlException, ElementTree
 
 from dynident.errors import FileError
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
-from dynident.exports.models.proving.sdf_proof import sdf_by_drake, sdf_by_reader
+from dynident.exports.models.proving.robot_model_proof import sdf_by_drake, sdf_by_reader
 from dynident.exports.models.subject.drives import Drives, Term, drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet

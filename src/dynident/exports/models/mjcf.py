@@ -13,14 +13,14 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.engines import mujoco_torque, mujoco_version, pinocchio_torque, pinocchio_version
-from dynident.exports.models.proving.mjcf_proof import reload_mjcf
+from dynident.exports.models.proving.robot_model_proof import reload_mjcf
 from dynident.exports.models.subject.drives import Drives, Term, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription, anew_note
 from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, friction_notes, left_out, place_beside
 from dynident.exports.models.writing.mjcf_own import beside, patched_mjcf
-from dynident.exports.models.writing.xml_text import checked_names, number, numbers, quaternion, unused_name
+from dynident.exports.models.writing.xml_edit import checked_names, number, numbers, quaternion, unused_name
 from dynident.model.joint import Joint, rotation_about
 from dynident.model.parameters import to_mujoco_fullinertia
 from dynident.model.robot import Robot

@@ -12,7 +12,7 @@ import numpy as np
 
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.engines import pinocchio_torque, pinocchio_version
-from dynident.exports.models.proving.urdf_proof import locked_of, stated_friction
+from dynident.exports.models.proving.robot_model_proof import locked_of, stated_friction
 from dynident.exports.models.subject.drives import Drives, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet

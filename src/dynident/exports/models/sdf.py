@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import ClassVar
 
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
-from dynident.exports.models.proving.sdf_proof import reload_own_sdf, sdf_by_drake, sdf_by_reader
+from dynident.exports.models.proving.robot_model_proof import reload_own_sdf, sdf_by_drake, sdf_by_reader
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import anew_note
 from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, friction_notes, left_out, place_beside
-from dynident.exports.models.writing.sdf_own import patched_sdf
-from dynident.exports.models.writing.sdf_text import base_note, sdf_text
+from dynident.exports.models.writing.sdf_text import base_note, patched_sdf, sdf_text
 from dynident.exports.models.writing.urdf import between_note, gravity_note
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
-from dynident.exports.models.proving.urdf_proof import reload_urdf
+from dynident.exports.models.proving.robot_model_proof import reload_urdf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet

@@ -2,10 +2,9 @@
 
 from dynident.results.figures.bodies import Scene, mass_scene, scene_chart, scene_text
 from dynident.results.figures.convergence import convergence_chart
-from dynident.results.figures.path import ToolPath, path_chart, tool_path
+from dynident.results.figures.path import Scenery, Spot, ToolPath, path_chart, tool_path
 from dynident.results.figures.residuals import friction_chart, residual_chart
 from dynident.results.figures.rows import Intervals, error_chart, interval_chart
-from dynident.results.figures.scenery import Scenery, Spot
 from dynident.results.figures.signals import (
     Bounded,
     TorqueBands,

@@ -17,9 +17,8 @@ from dynident.model.robot import Frame
 from dynident.model.shapes import Shape
 from dynident.robot_files.mjcf.body_inertia import inertia_of_body, stated_body
 from dynident.robot_files.mjcf.document import CompilerSettings, MjcfDocument
-from dynident.robot_files.mjcf.expansion import Expansion, Placed
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed, pose_of
-from dynident.robot_files.mjcf.scope import MjcfScope
+from dynident.robot_files.mjcf.scope import Expansion, MjcfScope, Placed
 from dynident.robot_files.tree import Connection, between_joints, numbered
 from dynident.robot_files.xml_elements import MAX_LINKS, Element, Values
 

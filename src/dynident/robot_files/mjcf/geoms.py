@@ -15,9 +15,9 @@ from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from dynident.robot_files.meshes import folders_above, mesh_triangles
-from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.poses import Pose, placed, pose_of
+from dynident.robot_files.mjcf.schema import Defaults
 from dynident.robot_files.rotations import rotation_from_quaternion, rotation_to_axis
 from dynident.robot_files.solids import MeshKind, hull_of, mesh_body, solid_body
 from dynident.robot_files.xml_elements import Element, Values

@@ -15,8 +15,8 @@ from dynident.errors import nearest
 from dynident.model.documents.numbers import shown
 from dynident.model.joint import Drive, Mimic
 from dynident.robot_files.mjcf.bodies import LOOPS, WORLD, MjcfTree, is_limited
-from dynident.robot_files.mjcf.defaults import ACTUATORS
 from dynident.robot_files.mjcf.document import MjcfDocument
+from dynident.robot_files.mjcf.schema import ACTUATORS
 from dynident.robot_files.mjcf.scope import Copy, MjcfScope
 from dynident.robot_files.tree import Connection, ring, tied_by_lengths, with_held
 from dynident.robot_files.xml_elements import Element, Values

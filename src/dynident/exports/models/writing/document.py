@@ -14,7 +14,7 @@ from dynident.arrays import Array, frozen
 from dynident.errors import DynidentError, EstimateFormatError
 from dynident.exports.models.subject.drives import Drives, Term
 from dynident.exports.models.subject.identified import NONE, Identified
-from dynident.exports.models.writing.xml_text import check_printable
+from dynident.exports.models.writing.xml_edit import check_printable
 from dynident.file_versions import FileVersions
 from dynident.files import DAMAGE, unreadable
 from dynident.identification.consistency.labels import labels_of

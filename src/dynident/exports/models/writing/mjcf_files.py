@@ -15,9 +15,9 @@ from dynident.exports.models.writing.xml_edit import (
     apply,
     elements,
     preorder,
+    unused_name,
     with_attributes,
 )
-from dynident.exports.models.writing.xml_text import unused_name
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.xml_elements import Element
 

@@ -17,8 +17,15 @@ from dynident.exports.models.subject.source import OwnDescription
 from dynident.exports.models.writing.mjcf_files import MjcfFiles
 from dynident.exports.models.writing.placement import Placement, Shares, kept_notes, place, shared
 from dynident.exports.models.writing.urdf import joint_tags
-from dynident.exports.models.writing.xml_edit import ByteEdit, PlacedElement, added_child, without_attributes
-from dynident.exports.models.writing.xml_text import number, numbers, quaternion
+from dynident.exports.models.writing.xml_edit import (
+    ByteEdit,
+    PlacedElement,
+    added_child,
+    number,
+    numbers,
+    quaternion,
+    without_attributes,
+)
 from dynident.model.inertia import Inertia
 from dynident.model.parameters import to_mujoco_fullinertia
 from dynident.model.robot import Robot

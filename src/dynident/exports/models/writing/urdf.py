@@ -18,13 +18,18 @@ from dynident.exports.models.writing.xml_edit import (
     ByteEdit,
     PlacedElement,
     added_child,
+    along,
     apply,
+    checked_names,
     elements,
     indent_of,
+    number,
+    numbers,
     removed,
+    roll_pitch_yaw,
+    unused_name,
     with_attributes,
 )
-from dynident.exports.models.writing.xml_text import along, checked_names, number, numbers, roll_pitch_yaw, unused_name
 from dynident.model.inertia import Inertia
 from dynident.model.joint import Joint
 from dynident.model.robot import STANDARD_GRAVITY, Robot
