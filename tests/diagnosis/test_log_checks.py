@@ -22,6 +22,7 @@ from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.matrix import joint_of, naming
 from benchmarks.faults.trials import Trial, subject_of, virtual
 
+from dynident.api.identify import Record, identify
 from dynident.case.case import Case, read_case
 from dynident.case.evidence.positions import rounding_share, steps_of
 from dynident.case.evidence.rows import out_of_order, sortable
@@ -947,6 +948,23 @@ def test_a_contact_is_named_with_its_time_and_huber_goes_without_it(size: float,
         assert [each.name for each in found if each.severity != "note"] == ["contact"]
         robust = replace(struck, case=replace(struck.case, estimator=PartChoice("huber")))
         assert [one.severity for one in robust.examined(tmp_path).findings if one.name == "contact"] == ["note"]
+
+
+@pytest.mark.parametrize("size", [0.1, 0.02])
+def test_a_contact_at_one_joint_is_told_though_the_fit_bends_little_for_it(
+    size: float, trial: Trial, tmp_path: Path
+) -> None:
+    """80 N m for 0.4 s on a UR10 left the other samples as they were but for a half, and nothing was told."""
+    tau, time = trial.columns["tau"].copy(), trial.columns["t"] - trial.columns["t"][0]
+    tau[:, 1] += size * np.abs(tau[:, 1]).max() * ((time > 4.0) & (time < 4.3))
+    struck = trial.with_columns(tau=tau)
+    found = [one for one in struck.examined(tmp_path).findings if one.name == "contact"]
+    assert len(found) == (size > 0.05) and all(one.numbers["fall"] < 2.0 and one.severity == "error" for one in found)
+    assert all(one.joint == trial.case.robot.joint_names[1] for one in found)
+    if found:
+        log = trial.case.read(struck.written(tmp_path))
+        judged = identify(trial.case, [log], "huber", record=Record(checks=True)).provenance["log_quality"]
+        assert [one["severity"] for one in judged[0]["findings"] if one["name"] == "contact"] == ["note"]
 
 
 @pytest.mark.parametrize(("last", "told"), [(8.0, True), (13.0, False)])

@@ -21,6 +21,9 @@ from dynident.diagnosis.finding import EXPLAINED, Finding, Severity
 #: Share of the joint's torque that a cause has, or of all torques where it acts on the whole arm or on what all bodies
 #: behind a joint are, from which the result suffers.
 MATTERS, MATTERS_ALL = 0.1, 0.03
+
+#: Share of a residual variance from which a quarter of that is enough: nothing else is wrong with the log.
+NEARLY_ALL, QUARTER = 0.9, 0.25
 OF_BODIES = ZERO, STRETCH, SCALE
 
 #: A scale of one torque further off one is that of another check.
@@ -187,7 +190,7 @@ def is_narrow(blame: Blame) -> bool:
 def is_grave(blame: Blame) -> bool:
     """Return whether a cause, friction apart, explains most of a residual and is a large share of the torque."""
     matters = MATTERS if blame.cause.joint and blame.cause.name not in OF_BODIES else MATTERS_ALL
-    large = _size(blame) > matters
+    large = _size(blame) > matters * (QUARTER if blame.share > NEARLY_ALL else 1.0)
     return blame.share > EXPLAINED and large and blame.cause.name != "friction curve"
 
 

@@ -18,6 +18,9 @@ from dynident.identification.problem.regressor_stream import motion_of
 #: they are found.
 WINDOW_S, MOST, MOST_OF_ONE, FITS = 0.25, 0.05, 0.2, 6
 
+#: Time in s at either end of such a part that belongs to it: less of it shows there.
+REACH_S = 0.1
+
 #: Parts that follow each other at most, and times of the speed of the rest up to which they are alike in motion: where
 #: a log is at rest but for a few samples, these are its motion.
 PARTS, SWIFT = 3, 3.0
@@ -28,8 +31,10 @@ LARGE = 0.1
 #: Root mean square residual of a window over that of the rest from which it is apart; the median's for a first look.
 APART, LOOK = 6.0, 3.0
 
-#: Times by which the residual variance of all other rows is smaller, over the joints, once the windows are left out.
-SPOILED = 2.0
+#: Times by which the residual variance of all other rows is smaller, over the joints, once the windows are left out. Or
+#: else share of the squares of a joint's residual in the windows, and residual there over that of the rest: a fit of
+#: many rows bends little for a few.
+SPOILED, HELD, FAR_APART = 2.0, 0.8, 20.0
 
 #: Estimators for which such a part is no reason to doubt the others.
 ROBUST = ("huber", "tukey", "irls", "l1")
@@ -51,9 +56,10 @@ class Contact(Check):
             return []
         left_out, ratios, fall = found
         own = fit.clock(fit.rows.prepared.kept.time[left_out])
-        spans = [(part[0], part[-1]) for part in np.split(own, np.flatnonzero(np.abs(np.diff(own)) > WINDOW_S) + 1)]
+        parts = np.split(own, np.flatnonzero(np.abs(np.diff(own)) > WINDOW_S) + 1)
+        spans = [(part[0] - REACH_S, part[-1] + REACH_S) for part in parts]  # a filter spreads its ends
         start = subject.sound.log.time[0] if len(fit.starts) == 1 else 0.0
-        spans = [(float(first - start), float(last - start)) for first, last in spans]
+        spans = [(max(float(first - start), 0.0), float(last - start)) for first, last in spans]
         told = ", ".join(f"{first:.4g} to {last:.4g} s" for first, last in spans[:3]) + ", ..." * (len(spans) > 3)
         names = [fit.model.robot.joint_names[k] for k in np.flatnonzero(ratios >= APART)]
         evidence = (
@@ -93,9 +99,11 @@ def _spoiled(fit: QuickFit, most: float, parts: int) -> tuple[BoolArray, Array, 
         times = np.where(known & (inside > LARGE**2 * size), np.sqrt(inside / outside), 0.0)
         if times.max() >= APART:
             told[part], ratios[some] = True, np.maximum(ratios[some], times)
-    is_told = (
-        told.any() and fall >= SPOILED and _is_alike_in_motion(fit, told if parts == 1 else left_out, windows, parts)
-    )
+    if not told.any() or not _is_alike_in_motion(fit, told if parts == 1 else left_out, windows, parts):
+        return None
+    joint = int(np.argmax(ratios[some]))
+    held = np.nansum(whole[told, joint] ** 2) / np.nansum(whole[:, joint] ** 2)
+    is_told = fall >= SPOILED or (held >= HELD and ratios.max() >= FAR_APART)
     return (told, ratios, fall) if is_told else None
 
 
