@@ -33,8 +33,7 @@ from dynident.model.friction.viscous import Viscous
 from dynident.simulation.virtual_robot import Noise, Timing, simulate
 from dynident.studies import er16_article as article
 from dynident.studies.benchmark.possible_robots import told
-from dynident.studies.benchmark.records import Records
-from dynident.studies.benchmark.runner import run_tasks
+from dynident.studies.benchmark.runner import Records, run_tasks
 from dynident.studies.comparison.contest import Contest, Method
 from dynident.studies.reproduction import (
     CONVERGED,

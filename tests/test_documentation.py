@@ -47,7 +47,7 @@ from dynident.identification.validate import validate
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.inertia import Inertia
 from dynident.plugins import Family
-from dynident.studies.comparison.difference import difference
+from dynident.studies.comparison.difference_page import difference
 from two_joint_arm import URDF
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -34,7 +34,7 @@ from dynident.identification.validate import validate
 from dynident.model.friction import Motion
 from dynident.robot_files import read_robot
 from dynident.studies.benchmark.real_sets import read_scoreboard
-from dynident.studies.benchmark.records import Records
+from dynident.studies.benchmark.runner import Records
 from dynident.studies.comparison.truth import read_truth
 
 GOLDEN = Path(__file__).parent / "golden_files"

@@ -8,9 +8,8 @@ import scipy.interpolate
 
 from dynident.data.log import Log
 from dynident.data.preprocessing import FILTERS
-from dynident.data.preprocessing._state_smoother import FACTORIALS, likelihood, smoothed
 from dynident.data.preprocessing.butterworth import Butterworth
-from dynident.data.preprocessing.kalman_smoother import KalmanSmoother
+from dynident.data.preprocessing.kalman_smoother import FACTORIALS, KalmanSmoother, likelihood, smoothed
 from dynident.data.preprocessing.smoothing_spline import SmoothingSpline, penalty_of
 from dynident.errors import BadOption
 

@@ -23,7 +23,7 @@ from dynident.model.friction import Friction
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
-from dynident.studies.comparison.difference import difference
+from dynident.studies.comparison.difference_page import difference
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
 

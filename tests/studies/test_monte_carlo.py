@@ -13,8 +13,7 @@ import pytest
 from dynident.errors import BadOption, DescriptionError, FileError, UnknownChoice
 from dynident.excitation.trajectories.rest_fourier import RestFourier
 from dynident.studies.benchmark.experiment import Experiment, read_experiment, shipped_benchmarks
-from dynident.studies.benchmark.records import Records
-from dynident.studies.benchmark.runner import run_tasks, worth_another_try
+from dynident.studies.benchmark.runner import Records, run_tasks, worth_another_try
 from dynident.studies.benchmark.summary import summary_of
 from dynident.studies.benchmark.virtual_tasks import Motions, VirtualWork, recorded
 from dynident.workers.pool import Here

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from dynident.data.formats import ColumnMap, read_log, stream_log, write_log
-from dynident.data.formats import _mat_values as mat_values
+from dynident.data.formats import mat as mat_values
 from dynident.data.log import Log
 from dynident.errors import DynidentError, FileError, LogFormatError
 

@@ -13,7 +13,7 @@ pytest.importorskip("rosbags")
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
 from dynident.data.formats import ColumnMap, read_header, read_log
-from dynident.data.formats import _bag_definitions as definitions
+from dynident.data.formats import _bag_decoding as definitions
 from dynident.data.formats._mcap_salvage import MAGIC
 from dynident.data.formats.rosbag import Rosbag
 from dynident.errors import LogFormatError

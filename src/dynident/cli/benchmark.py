@@ -25,8 +25,8 @@ from dynident.files import check_place
 
 if TYPE_CHECKING:
     from dynident.studies.benchmark.experiment import Experiment
+    from dynident.studies.benchmark.page import Result
     from dynident.studies.benchmark.real_sets import Scoreboard
-    from dynident.studies.benchmark.scoreboard_view import Result
     from dynident.studies.benchmark.summary import MethodRow
     from dynident.studies.comparison.contest import Method
 
@@ -82,12 +82,10 @@ def run(options: argparse.Namespace) -> int:
 
 def _virtual(options: argparse.Namespace) -> int:
     from dynident.studies.benchmark.experiment import read_experiment
-    from dynident.studies.benchmark.motions import motions_of
     from dynident.studies.benchmark.page import write_benchmark_page
-    from dynident.studies.benchmark.records import Records
-    from dynident.studies.benchmark.runner import run_tasks
+    from dynident.studies.benchmark.runner import Records, run_tasks
     from dynident.studies.benchmark.summary import summary_of
-    from dynident.studies.benchmark.virtual_tasks import VirtualWork
+    from dynident.studies.benchmark.virtual_tasks import VirtualWork, motions_of
 
     methods = None if options.methods is None else [name.strip() for name in options.methods.split(",")]
     experiment = read_experiment(options.name, quick=options.quick, draws=options.draws, methods=methods)
@@ -156,10 +154,9 @@ def _show(experiment: Experiment, rows: tuple[MethodRow, ...]) -> None:
 
 
 def _real(options: argparse.Namespace) -> int:
+    from dynident.studies.benchmark.page import write_scoreboard_page
     from dynident.studies.benchmark.real_sets import RealWork, read_scoreboard
-    from dynident.studies.benchmark.records import Records
-    from dynident.studies.benchmark.runner import run_tasks
-    from dynident.studies.benchmark.scoreboard_view import write_scoreboard_page
+    from dynident.studies.benchmark.runner import Records, run_tasks
 
     for name in ("quick", "draws"):
         if getattr(options, name):
@@ -226,7 +223,7 @@ def _real_figures(board: Scoreboard, results: list[Result], total: int) -> dict[
 
 
 def _show_real(board: Scoreboard, results: list[Result]) -> None:
-    from dynident.studies.benchmark import scoreboard_view as view
+    from dynident.studies.benchmark import page as view
 
     table = view.scoreboard_table(board, results)
     console.answer_table(table, table.note)

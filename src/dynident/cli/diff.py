@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.studies.comparison import difference_page as page
-    from dynident.studies.comparison.difference import difference
+    from dynident.studies.comparison.difference_page import difference
 
     if options.html:
         check_place(options.html)

@@ -21,13 +21,12 @@ from dynident.model.kernels.generic import pack
 from dynident.simulation.cell import Cell, CellRun
 from dynident.simulation.cell_loop import ROWS, STATES, closed_cell
 from dynident.simulation.cell_plant import CellPlant, armature, cell_plant
-from dynident.simulation.commanded import CommandedCourse, course
 from dynident.simulation.controllers import CONTROLLERS, Controller, Loop
 from dynident.simulation.drive_friction import ROOM
 from dynident.simulation.effects import Encoder, each
 from dynident.simulation.mujoco_plant import mujoco_loop
 from dynident.simulation.plant import Clock, clock
-from dynident.simulation.recording import LoopRun, Samples, streams
+from dynident.simulation.recording import CommandedCourse, LoopRun, Samples, course, streams
 
 #: States along the motion at which masses and torques are looked at.
 LOOKS = 200

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from dynident.data.formats._arrays import checked_file
-from dynident.data.formats._bag_decoding import Decoder
-from dynident.data.formats._bag_definitions import check_arrays, check_texts, common_types
+from dynident.data.formats._bag_decoding import Decoder, check_arrays, check_texts, common_types
 from dynident.data.formats._bag_messages import Numbers
 from dynident.data.formats._mcap_salvage import McapChannel, is_cut, salvaged
 from dynident.data.formats.base import check_size
