@@ -18,8 +18,7 @@ import numpy as np
 
 from benchmarks.readers import CASE, measured, parts
 from dynident.workers.dask_pool import DaskPool
-from dynident.workers.pool import Here
-from dynident.workers.processes import Processes
+from dynident.workers.processes import Here, Processes
 
 LOGS, ROWS, ROUNDS, TASKS = 40, 100_000, 3, 200
 

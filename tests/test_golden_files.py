@@ -21,8 +21,8 @@ import pytest
 from dynident.case.case import read_case
 from dynident.case.drives_text import GainLine, case_with_drives
 from dynident.errors import DynidentError
-from dynident.excitation.design.checkpoint import DesignCheckpoint
 from dynident.excitation.design.limits import check_limits
+from dynident.excitation.design.multistart import DesignCheckpoint
 from dynident.excitation.design.plan import read_plan
 from dynident.exports.models.writing.document import read_document
 from dynident.file_versions import FileVersions, renamed

@@ -23,8 +23,7 @@ from benchmarks.readers import CASE
 from benchmarks.workers import write_logs
 from dynident.case.case import Case, read_case
 from dynident.identification.streaming.reduction import reduce_logs
-from dynident.workers.pool import Done, Pool, Tell, Work
-from dynident.workers.processes import Processes
+from dynident.workers.processes import Done, Pool, Processes, Tell, Work
 
 LOGS, ROWS, ROUNDS = 24, 20_000, 3
 WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256)

@@ -12,9 +12,8 @@ from dynident.arrays import Array
 from dynident.excitation.criteria import CRITERIA
 from dynident.excitation.design.design_problem import DesignProblem
 from dynident.excitation.design.limits import limits_of
-from dynident.excitation.design.observation import Observation
+from dynident.excitation.design.observation import Observation, TorqueUncertainty
 from dynident.excitation.design.parametrisation import parametrise
-from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.joint import JointLimits

@@ -15,8 +15,8 @@ from dynident.excitation.design.bounds import smooth_parameters
 from dynident.excitation.design.design_problem import DesignProblem
 from dynident.excitation.design.feasibility import feasible_start
 from dynident.excitation.design.limits import ToolLimit, check_limits
+from dynident.excitation.design.observation import TorqueUncertainty
 from dynident.excitation.design.parametrisation import kinds
-from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb

@@ -14,9 +14,9 @@ from dynident.excitation.collision.clearance import clearance_of
 from dynident.excitation.collision.tool_speed import tool_point_of
 from dynident.excitation.collision.workspace import HalfSpace, Tool, Workspace
 from dynident.excitation.design.limits import LimitRow, MotionLimits, ToolLimit, check_limits, limits_of
+from dynident.excitation.design.observation import TorqueUncertainty
 from dynident.excitation.design.plan import Plan
 from dynident.excitation.design.recheck import Recheck, recheck, with_friction_of
-from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
 from dynident.excitation.trajectories.rest_fourier import RestFourier
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel

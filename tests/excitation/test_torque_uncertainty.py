@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dynident.errors import BadOption
-from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
+from dynident.excitation.design.observation import TorqueUncertainty
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot

@@ -16,7 +16,7 @@ from dynident.studies.benchmark.experiment import Experiment, read_experiment, s
 from dynident.studies.benchmark.runner import Records, run_tasks, worth_another_try
 from dynident.studies.benchmark.summary import summary_of
 from dynident.studies.benchmark.virtual_tasks import Motions, VirtualWork, recorded
-from dynident.workers.pool import Here
+from dynident.workers.processes import Here
 
 SMALL = """\
 benchmark: 1

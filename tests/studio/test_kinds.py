@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dynident.studio.kinds import kind_of
+from dynident.studio.folder import kind_of
 
 
 @pytest.mark.parametrize(

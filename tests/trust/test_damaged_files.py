@@ -172,7 +172,7 @@ def test_a_parquet_file_with_too_many_cells_is_refused_before_it_is_unpacked(
 @pytest.mark.parametrize("name", ["plan", "estimate", "robot_json", "document", "search"])
 @pytest.mark.parametrize("text", ["[" * 100_000, f'{{"a": {"9" * 5000}}}', "\xff", "{", "[1e999]"], ids=range(5))
 def test_json_that_is_none_is_refused_by_name(name: str, text: str, tmp_path: Path) -> None:
-    from dynident.excitation.design.checkpoint import DesignCheckpoint
+    from dynident.excitation.design.multistart import DesignCheckpoint
     from dynident.excitation.design.plan import read_plan
     from dynident.exports.models.writing.document import read_document
     from dynident.identification.files.estimate_file import read_estimate

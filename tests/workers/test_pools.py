@@ -19,8 +19,7 @@ from dynident.cli.jobs import cluster_of
 from dynident.errors import BadOption, LogMismatch, PoolFailed
 from dynident.workers import dask_pool
 from dynident.workers.dask_pool import DaskPool
-from dynident.workers.pool import Done, Here, Pool, Tell
-from dynident.workers.processes import Processes, local_pool, uninterrupted_start
+from dynident.workers.processes import Done, Here, Pool, Processes, Tell, local_pool, uninterrupted_start
 
 
 @dataclass(frozen=True)

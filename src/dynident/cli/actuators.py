@@ -180,8 +180,7 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     from dynident.actuators.estimate import read_actuators
     from dynident.api.actuators import logs_to_follow
     from dynident.exports.actuator_files import actuator_file
-    from dynident.exports.actuator_proof import simulated_differences
-    from dynident.exports.actuator_remarks import export_remarks
+    from dynident.exports.actuator_proof import export_remarks, simulated_differences
 
     _refuse(options, _OF_OTHERS, f"{options.file} holds actuators; leave it out")
     estimate = read_actuators(options.file)

@@ -135,7 +135,7 @@ def repeat_command() -> str:
 
 
 if TYPE_CHECKING:
-    from dynident.workers.pool import Pool
+    from dynident.workers.processes import Pool
 
 
 def add_pool_option(group: argparse._ArgumentGroup) -> None:

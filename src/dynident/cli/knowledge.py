@@ -11,8 +11,8 @@ from dynident.errors import BadOption
 if TYPE_CHECKING:
     from dynident.arrays import Array
     from dynident.case.case import Case
+    from dynident.excitation.design.observation import TorqueUncertainty
     from dynident.excitation.design.prior import Prior
-    from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
     from dynident.identification.estimate.estimate import Estimate
     from dynident.model.dynamic_model import DynamicModel
 
@@ -155,7 +155,7 @@ def _model(options: argparse.Namespace, model: DynamicModel) -> tuple[Array | No
     if not options.model:
         return None, None
     from dynident.diagnosis.earlier import check_same
-    from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
+    from dynident.excitation.design.observation import TorqueUncertainty
     from dynident.identification.files.estimate_file import read_estimate
 
     estimate = read_estimate(options.model)

@@ -1,4 +1,7 @@
-"""The folder of a session: its files by name, uploads within limits, and nothing written outside it."""
+"""The folder of a session: its files by name, uploads within limits, and nothing written outside it.
+
+A file is a robot, a case, a log, a plan, an estimate or a report.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,13 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
-from dynident.errors import FileError
+from dynident.errors import DynidentError, FileError
 from dynident.files import move_to_new_name, sha256_of, write_atomically
-from dynident.studio.kinds import kind_of
 
 #: Files that a session holds at most.
 MAX_FILES = 500
@@ -252,3 +255,57 @@ def _numbered(name: str) -> Iterator[str]:
         stem, suffix = name, ""
     yield name
     yield from (f"{stem}_{k}{dot}{suffix}" for k in count(2))
+
+
+_KIND = re.compile(rb'"kind"\s*:\s*"dynident (estimate|plan|[a-z ]+)"')
+_BY_SUFFIX = {".html": "report", ".tri": "triangles", ".stl": "mesh", ".obj": "mesh", ".dae": "mesh"}
+_HEAD = 4096
+
+
+@lru_cache(maxsize=2048)
+def kind_of(path: Path, changed: int, size: int) -> str:
+    """Return what a file is: robot, case, log, plan, estimate, report, triangles, mesh or other.
+
+    Args:
+        path: The file.
+        changed: When it was changed, in ns; with the size it tells whether the answer still holds.
+        size: Its size in bytes.
+    """
+    del changed
+    suffix = path.suffix.lower()
+    if suffix in _BY_SUFFIX:
+        return _BY_SUFFIX[suffix]
+    if suffix in (".yaml", ".yml"):
+        return _of_yaml(path, size)
+    with open(path, "rb") as stream:
+        head = stream.read(_HEAD)
+    if suffix == ".json":
+        found = _KIND.search(head)
+        word = found.group(1).decode() if found else ""
+        return word if word in ("estimate", "plan") else "other"
+    if suffix in (".usd", ".usda", ".usdc", ".usdz"):
+        return "robot"
+    if suffix in (".urdf", ".xacro", ".xml", ".mjcf", ".sdf"):
+        return "robot" if any(mark in head for mark in (b"<robot", b"<mujoco", b"<sdf")) else "other"
+    return "log" if _is_log(path) else "other"
+
+
+def _of_yaml(path: Path, size: int) -> str:
+    from dynident.robot_files.strict_yaml import MAX_BYTES, load_yaml
+
+    if size > MAX_BYTES:
+        return "other"
+    try:
+        value, _ = load_yaml(path, path.read_bytes())
+    except DynidentError:
+        return "case" if re.search(rb"(?m)^case\s*:", path.read_bytes()) else "other"
+    keys = value.keys() if isinstance(value, dict) else set()
+    if "case" in keys:
+        return "case"
+    return "robot" if {"joints", "links", "format", "convention"} & set(keys) else "other"
+
+
+def _is_log(path: Path) -> bool:
+    from dynident.data.formats import FORMATS
+
+    return any(FORMATS.get(name).takes(path) for name in FORMATS.names())

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dynident.errors import BadOption, UnknownChoice
-from dynident.studio.folder import Folder
-from dynident.studio.kinds import kind_of
+from dynident.studio.folder import Folder, kind_of
 
 if TYPE_CHECKING:
     from dynident.exports.base import Exporter

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from dynident.errors import BadOption, DynidentError, FileError
 from dynident.plugins import part_names
-from dynident.studio.folder import Folder
-from dynident.studio.kinds import kind_of
+from dynident.studio.folder import Folder, kind_of
 
 if TYPE_CHECKING:
     from dynident.arrays import Array

@@ -19,8 +19,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from dynident.errors import BadOption, MissingDependency, PoolFailed
-from dynident.workers.pool import Done, Pool, Tell, Work, check_time_limit
-from dynident.workers.processes import uninterrupted_start
+from dynident.workers.processes import Done, Pool, Tell, Work, check_time_limit, uninterrupted_start
 
 #: Packages whose versions decide about the bits of a result, or about whether pickles are understood.
 PACKAGES = ("dynident", "numpy", "scipy", "numba", "llvmlite", "dask", "distributed", "cloudpickle")

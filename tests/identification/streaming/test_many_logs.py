@@ -33,8 +33,7 @@ from dynident.identification.streaming.triangle_file import read_digest, write_d
 from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
 from dynident.workers.dask_pool import DaskPool
-from dynident.workers.pool import Done, Pool
-from dynident.workers.processes import Processes
+from dynident.workers.processes import Done, Pool, Processes
 
 NAMES = "abcdefg"
 

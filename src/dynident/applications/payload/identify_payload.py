@@ -9,12 +9,12 @@ import numpy as np
 
 from dynident.applications.drive_gains.payload import HEAVIEST, CarriedBody
 from dynident.applications.payload.carried_load import CarriedLoad
-from dynident.applications.payload.changing_load import load_of_parts
 from dynident.applications.payload.difference_fit import (
     DifferenceSolution,
     RunPrior,
     fit_difference,
     independent_covariance,
+    load_of_parts,
     noise_covariance,
 )
 from dynident.applications.payload.flanges import chosen_end, ends_of, frames_beside, second_load

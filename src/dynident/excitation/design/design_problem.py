@@ -26,9 +26,8 @@ from dynident.excitation.design.bounds import (
 )
 from dynident.excitation.design.distances import Distances
 from dynident.excitation.design.limits import MotionLimits, ToolLimit
-from dynident.excitation.design.observation import Observation
+from dynident.excitation.design.observation import Observation, TorqueUncertainty
 from dynident.excitation.design.parametrisation import Parametrisation
-from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
 from dynident.model.friction import Motion
 from dynident.model.reduction import triangle_of
 

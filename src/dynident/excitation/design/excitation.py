@@ -15,11 +15,16 @@ import numpy.typing as npt
 from dynident.arrays import Array
 from dynident.errors import BadOption, InfeasibleTrajectory, check_kind
 from dynident.excitation.criteria import CRITERIA, Criterion
-from dynident.excitation.design.checkpoint import DesignCheckpoint, problem_facts
 from dynident.excitation.design.design_problem import DesignProblem
 from dynident.excitation.design.finishing import FINER, FinishingCandidate, checked_plan, first_that_starts
 from dynident.excitation.design.limits import MotionLimits, limits_of
-from dynident.excitation.design.multistart import MultistartSearch, SearchState, run_starts
+from dynident.excitation.design.multistart import (
+    DesignCheckpoint,
+    MultistartSearch,
+    SearchState,
+    problem_facts,
+    run_starts,
+)
 from dynident.excitation.design.observation import Observation
 from dynident.excitation.design.options import DesignKnowledge, SearchOptions, SpaceLimits, TrajectoryOptions
 from dynident.excitation.design.parametrisation import parametrise

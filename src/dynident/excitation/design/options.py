@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from dynident.excitation.design.distances import Distances
 from dynident.excitation.design.limits import ToolLimit
+from dynident.excitation.design.observation import TorqueUncertainty
 from dynident.excitation.design.prior import Prior
-from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
-from dynident.workers.pool import Pool
+from dynident.workers.processes import Pool
 
 
 @dataclass(frozen=True)

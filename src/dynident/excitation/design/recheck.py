@@ -23,9 +23,8 @@ from dynident.excitation.design.limits import (
     limits_of,
     worst_row,
 )
-from dynident.excitation.design.observation import Observation
+from dynident.excitation.design.observation import Observation, TorqueUncertainty
 from dynident.excitation.design.plan import Plan
-from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion

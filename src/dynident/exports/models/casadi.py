@@ -16,8 +16,14 @@ from dynident.arrays import Array
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet, takes_time
-from dynident.exports.models.writing.c_friction import StateUpdate, combination, drive_terms, motor_lines, state_updates
-from dynident.exports.models.writing.c_programs import programs_of
+from dynident.exports.models.writing.c_programs import (
+    StateUpdate,
+    combination,
+    drive_terms,
+    motor_lines,
+    programs_of,
+    state_updates,
+)
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.exports.names_in_files import module_notes
 from dynident.model.kernels.trace import TracedProgram

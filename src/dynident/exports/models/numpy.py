@@ -14,7 +14,7 @@ from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import PACE, StateSet, states_of, takes_time
-from dynident.exports.models.writing.c_friction import drive_terms, state_updates
+from dynident.exports.models.writing.c_programs import drive_terms, state_updates
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.exports.names_in_files import module_notes
 from dynident.model.chain import PRISMATIC

@@ -23,7 +23,7 @@ from dynident.identification.streaming.one_log import Checkpoint, reduce_log, se
 from dynident.identification.streaming.stream_setup import StreamSetup
 from dynident.identification.streaming.triangle_file import model_hash, read_digest, write_digest
 from dynident.model.base_parameters import BaseParameters, base_parameters
-from dynident.workers.pool import Here, Pool, Tell
+from dynident.workers.processes import Here, Pool, Tell
 
 #: Parts into which many logs are cut at most, twice over: each is reduced and merged by one worker.
 PARTS = 256

@@ -17,8 +17,7 @@ from dynident.model.shapes import Capsule, Mesh
 from dynident.results.figures import svg
 from dynident.results.figures.chart import WIDTH, Line, heading
 from dynident.results.figures.path import tool_path
-from dynident.results.figures.scales import round_step
-from dynident.results.figures.view import AZIMUTH, ELEVATION, LabelPlace, View, put_label
+from dynident.results.figures.scales import AZIMUTH, ELEVATION, LabelPlace, View, put_label, round_step
 from dynident.results.text import format_number, label, shorten
 
 #: Of the robot's own reach, so far may an ellipsoid widen the picture.

@@ -19,8 +19,7 @@ from dynident.model.robot import Robot
 from dynident.model.shapes import Box
 from dynident.results.figures import svg
 from dynident.results.figures.chart import WIDTH
-from dynident.results.figures.scales import Tick, round_step, write_tick
-from dynident.results.figures.view import LabelPlace, View, put_label
+from dynident.results.figures.scales import LabelPlace, Tick, View, put_label, round_step, write_tick
 from dynident.results.text import format_number, label, shorten
 
 #: Height of the view at most.

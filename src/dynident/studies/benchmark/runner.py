@@ -18,8 +18,7 @@ from threadpoolctl import threadpool_limits
 from dynident.errors import BadOption, DynidentError, FileError
 from dynident.file_versions import Document, FileVersions, renamed
 from dynident.files import write_atomically
-from dynident.workers.pool import Done, Here, Pool, Tell
-from dynident.workers.processes import local_pool
+from dynident.workers.processes import Done, Here, Pool, Tell, local_pool
 
 
 class BenchmarkWork(Protocol):

@@ -12,8 +12,7 @@ from dynident.data.preprocessing import preprocess
 from dynident.errors import LogMismatch
 from dynident.identification.problem.problem import Problem
 from dynident.studies.comparison.contest import Contest, Method, Outcome
-from dynident.workers.pool import Tell
-from dynident.workers.processes import local_pool
+from dynident.workers.processes import Tell, local_pool
 
 
 def contest_of(problem: Problem, tests: Sequence[Log] = (), truth: Array | None = None) -> Contest:

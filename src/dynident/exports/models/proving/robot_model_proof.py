@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.exports.models.base import Reloaded
 from dynident.exports.models.proving.engines import (
     drake_torque,
     drake_version,
@@ -23,7 +24,6 @@ from dynident.exports.models.proving.engines import (
     pinocchio_torque,
     pinocchio_version,
 )
-from dynident.exports.models.proving.proof import Reloaded
 from dynident.exports.models.subject.drives import drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription

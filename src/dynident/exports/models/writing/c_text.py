@@ -17,15 +17,16 @@ from dynident.errors import BadOption
 from dynident.exports.models.subject.drives import drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import PACE, states_of, takes_time
-from dynident.exports.models.writing.c_friction import (
+from dynident.exports.models.writing.c_programs import (
     DriveTerm,
     c_dialect,
     combination,
     drive_terms,
     motor_lines,
+    programs_of,
+    rotor_matrix,
     state_updates,
 )
-from dynident.exports.models.writing.c_programs import programs_of, rotor_matrix
 from dynident.exports.models.writing.c_template import FUNCTIONS, HEAD, MEMORY_FUNCTIONS, MEMORY_TYPE, REGRESSOR, TAIL
 from dynident.exports.models.writing.document import document
 from dynident.exports.models.writing.expressions import Dialect
