@@ -211,3 +211,22 @@ def test_a_scale_of_all_torques_is_told_up_to_where_the_check_of_their_unit_tell
         Cause("torque scale", "", np.ones((1, 4, 1))), np.array([value]), np.eye(1), 9.0, 1.0, 0.0, 0.5, zeros, zeros
     )
     assert (believed(blame) is not None) == is_told
+
+
+@pytest.mark.parametrize(
+    ("name", "compliance", "deviation", "load", "is_told"),
+    [
+        ("joint elasticity", 1e-3, 1e-4, 20.0, True),
+        ("joint elasticity", 1e-2, 1e-3, 20.0, False),  # 0.2 rad under the torque of the log: friction, and no gear
+        ("spring", 2.0, 0.5, 0.0, True),
+        ("spring", 0.01, 0.009, 0.0, False),
+        ("counterbalance", 0.04, 0.1, 0.0, False),
+    ],
+)
+def test_a_figure_that_is_absurd_or_may_be_none_is_not_told(
+    name: str, compliance: float, deviation: float, load: float, is_told: bool
+) -> None:
+    """On rigid arms with sharp friction notes had told gears of 0.02 N m/rad, and springs of 0.01 +- 0.02 N m/rad."""
+    values, covariance, each = np.array([compliance]), np.array([[deviation**2]]), np.ones(1)
+    cause = Cause(name, "joint_1", np.ones((1, 4, 1)), is_positive=name == "joint elasticity", load=load)
+    assert (believed(Blame(cause, values, covariance, 8.0, 20.0, 0.5, 0.1, each, each)) is not None) == is_told

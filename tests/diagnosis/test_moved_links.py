@@ -139,6 +139,7 @@ def test_a_clock_that_is_off_is_no_link(seed: int, tmp_path: Path) -> None:
     (clock,) = told(log.told(tmp_path))
     assert (clock.severity, clock.name) == ("warning", "time scale")
     assert abs(clock.numbers["value"] + 0.07) < 0.01
+    assert "a robot 0.86" in clock.remedy  # times as large, by the same accelerations against gravity
 
 
 def test_hysteresis_of_a_torque_is_no_delay(tmp_path: Path) -> None:

@@ -1,9 +1,8 @@
 """Which of many possible causes explains what a fit leaves: columns that are added to it one after another.
 
-Each cause (a spring, a tilt, a load) is a few columns more of the linear problem. Of those that chance would hardly
-make (likelihood ratio, Wilks 1938, all causes counted) the one by which the likelihood grows most beyond what its
-columns earn (Schwarz 1978) is taken in, then the next, until none is sure: one fault is told once and not in the words
-of its neighbours. Where the log does not tell it from others, these are its rivals.
+Each cause (a spring, a tilt) is a few columns more of the linear problem. Of those that chance would hardly make
+(likelihood ratio, Wilks 1938, all causes counted) the one by which the likelihood grows most beyond what its columns
+earn (Schwarz 1978) is taken in, then the next, until none is sure; those that the log does not tell from it are rivals.
 """
 
 from __future__ import annotations
@@ -30,8 +29,7 @@ from dynident.identification.residuals.quantiles import (
 #: Chance that a log without any cause has one told in a round, rows that hang together counted once.
 CHANCE = 1e-4
 
-#: Share of a joint's residual variance from which a cause matters, 5 % of the error, and false ones among those told
-#: that matter, as expected.
+#: Share of a joint's residual variance from which a cause matters, and false ones among those told that matter.
 MATTERS, FALSE = 0.1, 1e-3
 
 #: Chance, all causes counted, up to which one that explains as much as a sure one is told beside it.
@@ -64,6 +62,7 @@ class Cause:
         is_filtered: Whether the columns are filtered as the torques are, and stand at the kept rows.
         is_positive: Whether its one coefficient has to be above zero, as an inertia.
         cycles: Cycles a turn of one that is periodic over the position, and their standard deviation.
+        load: Largest torque in N m or N on what yields in proportion to it.
     """
 
     name: str
@@ -74,6 +73,7 @@ class Cause:
     is_filtered: bool = False
     is_positive: bool = False
     cycles: tuple[float, float] = (0.0, 0.0)
+    load: float = 0.0
 
     @property
     def told(self) -> int:

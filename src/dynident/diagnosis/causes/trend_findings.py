@@ -38,6 +38,9 @@ LATE = 0.01
 #: Share of a joint's residual variance below which its elasticity or the hysteresis of its torque is not told.
 TAKEN = 0.1
 
+#: Angle in rad, or way in m, by which no gear yields under the largest torque of a log.
+SOFT = 0.05
+
 #: Half the change of the squared speed of a clock from which it is not told.
 FAR_CLOCK = 0.25
 
@@ -46,6 +49,9 @@ TOLD = 2.0
 
 #: Share of what a clock explains from which axes that are off explain it as well.
 AS_WELL = 0.9
+
+#: Causes that are nothing without their figure.
+FIGURED = (DELAY, ELASTIC, HYSTERESIS, ZERO, STRETCH, "spring", "counterbalance")
 
 #: Causes that are curves without one figure.
 CURVES = ("friction curve", "friction drift")
@@ -138,9 +144,10 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
     if blame.cause.name != "torque scale":
         none = blame.size > ABSURD or (blame.cause.is_positive and blame.values[0] <= 0.0)
         none = none or (blame.cause.name == DELAY and blame.size < LATE)
+        none = none or float(blame.values[0]) * blame.cause.load > SOFT  # friction, or a filter, and no gear
         none = none or (blame.cause.name in (ELASTIC, HYSTERESIS) and blame.share < TAKEN)
         none = none or (blame.cause.name == RIPPLE and wave(blame)[1] > NARROW * wave(blame)[0])
-        none = none or (blame.cause.name in (DELAY, ELASTIC, HYSTERESIS, ZERO, STRETCH) and sureness(blame) < TOLD)
+        none = none or (blame.cause.name in FIGURED and sureness(blame) < TOLD)
         none = none or (blame.cause.name == STRETCH and blame.values[0] <= -1.0)
         return None if none else blame
     scale = scale_of(blame.cause.joint)

@@ -18,6 +18,9 @@ from dynident.model.joint import Joint
 #: Half-width of the interval of a figure as a share of it up to which it is a warning, and a counterbalance a part.
 NARROW = 0.5
 
+#: Error of a clock from which another size of the robot explains the same: accelerations against gravity.
+SIMILAR = 0.03
+
 #: Standard deviations of half a 95 % interval.
 Z95 = 1.96
 
@@ -131,7 +134,11 @@ def _time_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     evidence = (
         f"inertial against gravity torques: the clock runs {100 * abs(fast):.2g} +- {100 * blame.half_widths[0]:.2g} %"
     )
-    return f"{evidence} too {word}", "check the clock of the log: log the time of the measurement"
+    step = "check the clock of the log: log the time of the measurement"
+    if abs(fast) > SIMILAR:
+        size = f"a robot {(1.0 + fast) ** 2:.3g} times as large does the same"
+        step += f"; and whether the robot model is that of this robot: {size}, and no log tells them apart"
+    return f"{evidence} too {word}", step
 
 
 def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:

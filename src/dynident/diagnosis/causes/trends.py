@@ -282,8 +282,10 @@ class Trends:
         place = self._number(joint)
         if name == STRETCH:
             return _cause(name, joint, motion.stretched(place, self.fit.zero_of(place), value))
-        make = {ELASTIC: motion.elastic, ZERO: motion.zero, DELAY: motion.late}[name]
-        return replace(_cause(name, joint, make(place, value)), is_positive=name == ELASTIC)
+        if name == ELASTIC:
+            load = float(np.abs(motion.rigid[:, place]).max())
+            return replace(_cause(name, joint, motion.elastic(place, value)), is_positive=True, load=load)
+        return _cause(name, joint, {ZERO: motion.zero, DELAY: motion.late}[name](place, value))
 
     def _number(self, joint: str) -> int:
         return self.fit.model.robot.joint_names.index(joint)
