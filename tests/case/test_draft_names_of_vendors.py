@@ -11,7 +11,7 @@ import pytest
 from drafted_logs import joints_called, moved, read, write_log, write_robot
 from dynident.arrays import Array
 from dynident.case.case_draft import draft_case
-from dynident.case.draft.column_groups import groups_of, groups_of_robot
+from dynident.case.draft.column_groups import StatedJoints, groups_of, groups_of_robot
 from dynident.case.draft.servo_text import is_servo_log
 from dynident.robot_files import read_robot
 
@@ -134,9 +134,11 @@ def test_groups_of_other_counts_are_not_the_efforts_of_all_joints() -> None:
         ["CmdForce_N"],
         ["Force_mm"],
     ):  # two slides, another kind, no unit of a force
-        assert {group.count for group in groups_of_robot([*header, *more], robot)} <= {2, 3, 4}
-        assert len(groups_of_robot([*header, *more], robot)) == len(groups_of([*header, *more], robot.joint_names))
-    assert [group.count for group in groups_of_robot([*header, "Force_N"], robot)] == [4, 4]
+        assert {group.count for group in groups_of_robot([*header, *more], robot, StatedJoints())} <= {2, 3, 4}
+        assert len(groups_of_robot([*header, *more], robot, StatedJoints())) == len(
+            groups_of([*header, *more], robot.joint_names)
+        )
+    assert [group.count for group in groups_of_robot([*header, "Force_N"], robot, StatedJoints())] == [4, 4]
 
 
 @pytest.mark.parametrize("spelt", ["axis_{}_actpos_{unit}", "pos_{}_{unit}", "pos_{unit}"])

@@ -26,9 +26,10 @@ from dynident.case.draft.recognise import cutoff_of, recognised
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import is_servo_log, servo_remark
 from dynident.case.draft.signal_units import position_factors
+from dynident.case.draft.stated_joints import names_of_echo
 from dynident.case.draft.tied_columns import led_by_columns, with_sums
 from dynident.case.draft.time_columns import split_time
-from dynident.case.draft.yaml_words import few
+from dynident.case.draft.yaml_words import few, listed
 from dynident.case.evidence.positions import turns_into_limits
 from dynident.case.questions import Question, questions_in
 from dynident.data.formats import FORMATS, LARGE, LogFormat, LogTable, bytes_of
@@ -199,6 +200,12 @@ def _tables(
     if topics := topic_of_joints(logs[0], joints):
         tables = [opened(log, FORMATS.make("rosbag", {"topics": topics})) for log in logs]
         return tables, f"format: {{rosbag: {{topics: [{topics[0]}]}}}}   # the topic with joints of the robot"
+    if Path(logs[0]).suffix.lower() in FORMATS.get("csv").suffixes and (echo := names_of_echo(logs[0])):
+        tables = [opened(log, FORMATS.make("csv", {"names": echo})) for log in logs]
+        return (
+            tables,
+            f"format: {{csv: {{names: {listed(echo)}}}}}   # as ros2 topic echo --csv writes, without a header",
+        )
     refuse_long(logs[0])
     try:
         tables = [opened(log) for log in logs]

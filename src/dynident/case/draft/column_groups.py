@@ -39,6 +39,7 @@ class Group:
         named: Whether the joints are told by their names; else by numbers.
         pattern: How the case file writes the columns, such as ``q_{0}``; empty where only a list says them.
         units: Unit in the name of each column, in the order of their joints, where they differ; else empty.
+        told_by: The columns whose cells name the joints; empty where the names of the columns do.
     """
 
     meaning: Meaning
@@ -46,6 +47,7 @@ class Group:
     named: bool
     pattern: str = ""
     units: tuple[str, ...] = ()
+    told_by: str = ""
 
     @property
     def count(self) -> int:
@@ -63,6 +65,44 @@ class Group:
         return names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}"
 
 
+@dataclass(frozen=True)
+class StatedJoints:
+    """The joints that cells of a log name, as messages of ROS do.
+
+    Attributes:
+        names: In the order of the numbered columns; empty where no cell names one.
+        columns: The columns of these names.
+    """
+
+    names: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+
+    @property
+    def shown(self) -> str:
+        """The columns in words, such as ``name[0] to name[5]``."""
+        return " to ".join(dict.fromkeys((self.columns[0], self.columns[-1]))) if self.columns else ""
+
+    def places(self, joints: Sequence[str]) -> list[int | None]:
+        """Return the place of each name among a robot's joints; None where it is none of them or not alone."""
+        forms = joint_forms(joints)
+        words = [joint_in(tokens_of(name), forms) for name in self.names]
+        found = [
+            joints.index(name) if name in joints else place and place[0]
+            for name, place in zip(self.names, words, strict=True)
+        ]
+        return [place if found.count(place) == 1 else None for place in found]
+
+    def named(self, group: Group, joints: Sequence[str]) -> Group:
+        """Return a group of numbered columns, as many as there are names, with the joints of the robot among them."""
+        places = self.places(joints) if self.names and not group.named and group.count == len(self.names) else []
+        columns = {place: name for place, name in zip(places, group.names, strict=False) if place is not None}
+        units = dict(zip(places, group.units, strict=False))
+        each = tuple(units[place] for place in sorted(columns)) if units else ()
+        if not columns:
+            return group
+        return replace(group, columns=columns, named=True, pattern="", units=each, told_by=self.shown)
+
+
 def groups_of(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
     """Return the groups of joint columns in a header, those told by names of joints first.
 
@@ -73,12 +113,17 @@ def groups_of(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
     return [*_named_groups(header, joints), *_numbered_groups(header, len(joints))]
 
 
-def groups_of_robot(header: Sequence[str], robot: Robot) -> list[Group]:
+def groups_of_robot(header: Sequence[str], robot: Robot, stated: StatedJoints) -> list[Group]:
     """Return the groups of joint columns; one where the slides and the joints that turn have a group each.
 
     Of these the units in the names tell one from the other, and their counts are those of such joints of the robot.
+
+    Args:
+        header: Names of the columns.
+        robot: With all its joints.
+        stated: The joints of numbered columns that cells name.
     """
-    groups = groups_of(header, robot.joint_names)
+    groups = [stated.named(group, robot.joint_names) for group in groups_of(header, robot.joint_names)]
     kinds = {kind: [k for k, joint in enumerate(robot.active) if joint.kind == kind] for kind in _OF_KINDS}
     if not all(kinds.values()):
         return groups

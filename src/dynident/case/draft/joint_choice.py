@@ -25,12 +25,14 @@ class JointChoice:
         certain: Whether the names of the columns, or their number, say so.
         why: What speaks for it.
         in_si: Whether the limits of some joints in a row hold the positions as rad or m.
+        by_names: Whether the log names each joint; numbers alone leave their order in some doubt.
     """
 
     names: tuple[str, ...]
     certain: bool
     why: str
     in_si: bool = False
+    by_names: bool = False
 
 
 def choose_joints(robot: Robot, group: Group, q: Array) -> JointChoice:
@@ -43,7 +45,8 @@ def choose_joints(robot: Robot, group: Group, q: Array) -> JointChoice:
     """
     if group.named:
         names = tuple(robot.joint_names[k] for k in sorted(group.columns))
-        return JointChoice(names, True, f"by their names{lacking(robot, names)}")
+        told = f"by {group.told_by}" if group.told_by else "by their names"
+        return JointChoice(names, True, f"{told}{lacking(robot, names)}", by_names=True)
     if group.count == robot.dof:
         return JointChoice(robot.joint_names, True, f"{group.shown()} in the order of the chain")
     if group.count > robot.dof:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.case.draft.column_groups import groups_of_robot, single_temperatures
+from dynident.case.draft.column_groups import StatedJoints, groups_of_robot, single_temperatures
 from dynident.case.draft.commands import by_commands
 from dynident.case.draft.joint_choice import JointChoice, choose_joints, lacking
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
@@ -25,6 +25,7 @@ from dynident.case.draft.signal_units import (
     position_unit,
     torque_unit,
 )
+from dynident.case.draft.stated_joints import doubted, stated_joints
 from dynident.case.draft.stated_units import (
     as_header,
     column_groups,
@@ -54,6 +55,9 @@ from dynident.model.robot import Robot
 #: Commands of servos span at most this many times what the positions span, and at least the inverse.
 _SPAN = 5.0
 
+#: One over the share of the joints up to which torques near those of the masses leave the order of the joints open.
+FEW = 3
+
 #: Factor between columns that are called nothing and the torques of the robot model's masses up to which they are N m.
 NEAR = 1.15
 
@@ -76,7 +80,8 @@ def recognised(
     header = tuple(name for name in tables[0].header if name != clock and name not in unread)
     fits = [] if clock else fitting_profiles(header, robot.joint_names)  # a profile knows its column of the time
     fits = [fit for fit in fits if not profile or fit.name == profile]
-    found = Recognised(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits), unread=unread)
+    stated = StatedJoints() if fits else stated_joints(tables, robot.joint_names)
+    found = Recognised(robot, header, stated, clock, bool(clock), profiles=tuple(fits), unread=unread)
     found = _by_profile(found, fits) if fits else _by_names(found, tables[0])
     if not fits and not {"q_ref", "torque", "current"} & (found.sources.keys() | found.rivals.keys()):
         found = by_commands(found)
@@ -149,14 +154,14 @@ def _by_profile(found: Recognised, fits: Sequence[ProfileFit]) -> Recognised:
     joints = JointChoice(fit.joints, True, f"{why}{lacking(found.robot, fit.joints)}")
     likely = ""
     if fit.effort is None:
-        groups = choose_signals(groups_of_robot(found.header, found.robot), found.robot.dof, True).groups
+        groups = choose_signals(groups_of_robot(found.header, found.robot, found.stated), found.robot.dof, True).groups
         group = groups.get("torque") or groups.get("current")
         likely = "" if group is None else quoted(group.pattern) if group.pattern else listed(group.names)
     return replace(found, time=fit.profile.time, sources=sources, joints=joints, likely_effort=likely)
 
 
 def _by_names(found: Recognised, table: LogTable) -> Recognised:
-    groups = groups_of_robot(found.header, found.robot)
+    groups = groups_of_robot(found.header, found.robot, found.stated)
     choice = choose_signals(groups, found.robot.dof)
     if {"torque", "current"} & choice.rivals.keys() and (still := without_change(choice.rivals, table)):
         choice = choose_signals([group for group in groups if group not in still], found.robot.dof)
@@ -213,7 +218,7 @@ def _by_values(found: Recognised) -> Recognised:
     if not found.profiles and tied is None and not found.without_effort:
         group = next(g for g in column_groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
         found = replace(found, joints=choose_joints(found.robot, group, _likely_si(q, stated["q"])))
-    found = without_grippers(replace(found, units=units))
+    found = without_grippers(replace(found, units=units, joints=doubted(found)))
     q = np.concatenate([reading.signals["q"] for reading in found.readings])
     moving = found.moving
     found = with_wrapped(found)
@@ -268,6 +273,9 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
         largest = np.abs(np.concatenate([r.signals["torque"] for r in found.readings])).max(axis=0)
         if count and not found.on_motors:
             told = torque_unit(joints, stated["torque"], ratios, telling, largest)
+            is_ordered = found.profiles or found.joints.by_names or FEW * sum(telling) > count
+            if told.certain and not (stated["torque"] or is_ordered):
+                told = replace(told, certain=False, why=f"{told.why}, too few for the order of the joints to be sure")
             told = of_forces(told, hinges_of_forces(found), stated["torque"])
             if found.drivers_differ:  # what the profile says stands, unless the robot model's masses are against it
                 told = SignalUnit(units["torque"].words, told.certain or not any(telling), told.why)

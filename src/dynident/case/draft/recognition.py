@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.case.draft.column_groups import Group
+from dynident.case.draft.column_groups import Group, StatedJoints
 from dynident.case.draft.joint_choice import JointChoice, without_positions
 from dynident.case.draft.profile_fit import ProfileFit
 from dynident.case.draft.readings import LogReading
@@ -43,6 +43,7 @@ class SignalSource:
     def of_group(cls, group: Group) -> SignalSource:
         """Return that of columns which names tell."""
         how = "by the names of the joints" if group.named else "by the numbers in their names"
+        how += f" in {group.told_by}" if group.told_by else ""
         if group.meaning.signal == "torque" and group.meaning.kind == "model":
             how += "; what the drives estimate, as the log has no measured torques"
         return cls(group.names, group.pattern, group.meaning.side or "link", how, group.meaning.strange)
@@ -59,6 +60,7 @@ class Recognised:
     Attributes:
         robot: The robot with all its joints.
         header: Columns of the first log.
+        stated: The joints that cells name.
         time: Column of the time, or the stated rate or the sum of two columns in its place; empty where none is known.
         is_clocked: Whether it is such a rate or sum.
         sources: Columns of each signal.
@@ -91,6 +93,7 @@ class Recognised:
 
     robot: Robot
     header: tuple[str, ...]
+    stated: StatedJoints = field(default_factory=StatedJoints)
     time: str = ""
     is_clocked: bool = False
     sources: Mapping[str, SignalSource] = field(default_factory=dict)

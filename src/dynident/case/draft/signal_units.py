@@ -9,6 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.case_values import LEVER_ARM
+from dynident.case.draft.joint_choice import outside_limits
 from dynident.case.draft.yaml_words import few
 from dynident.case.evidence.positions import STILL, is_plausible
 from dynident.case.evidence.torques import agrees
@@ -121,7 +122,10 @@ def _of_counts(q: Array) -> str:
 
 
 def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], units: tuple[str, str]) -> str:
-    """Return what is said of joints that move as a joint does in SI units, and hardly at all in the others' unit."""
+    """Return what is said of joints that move as a joint does in SI units, and hardly at all in the others' unit.
+
+    Where these are most, the other joints are beyond limits that are not theirs: units seldom differ on one arm.
+    """
     si, other = units
     spans, factor = np.ptp(q, axis=0), factor_of("position", other)
     doubtful = [
@@ -133,6 +137,11 @@ def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], unit
     if not doubtful or len(doubtful) == len(mine):
         return ""
     names = ", ".join(joints[k].name for k in doubtful)
+    if 2 * len(doubtful) > len(mine):
+        beyond = "; ".join(outside_limits([joints[k] for k in mine], q[:, mine]))
+        told = f"{len(doubtful)} of {len(mine)} joints are within them as {si}, and as {other} move"
+        told += f" {spans[doubtful].max():.3g} {other} at most"
+        return f"; {told}; {beyond}: correct these limits or the order of the columns"
     each = ", ".join(si if k in doubtful else other for k in range(len(joints)))
     moves = f"{spans[doubtful].max():.3g} {other} at most as {other}"
     return f"; {names} are within them as {si} too and move {moves}: [{each}] where units differ by joint"
@@ -175,7 +184,8 @@ def torque_unit(
     over = bool(np.any(largest > 1.5 * limits))
     middle = float(np.median(np.abs(seen))) if len(seen) else float("nan")
     why = (
-        f"{np.abs(seen).min():.2g} to {np.abs(seen).max():.2g} times the torque of the robot model's masses "
+        f"{' to '.join(dict.fromkeys(f'{own:.2g}' for own in (np.abs(seen).min(), np.abs(seen).max())))} "
+        "times the torque of the robot model's masses "
         f"on {len(seen)} of {len(joints)} joints"
         if len(seen)
         else "the robot model's masses give no evidence"

@@ -25,7 +25,7 @@ def units_of_profile(found: Recognised) -> dict[str, SignalUnit]:
 def column_groups(found: Recognised) -> list[Group]:
     """Return the sets of columns that the names tell, then those that the values tell."""
     by_values = [] if found.structure is None else found.structure.groups.values()
-    return [*groups_of_robot(found.header, found.robot), *by_values]
+    return [*groups_of_robot(found.header, found.robot, found.stated), *by_values]
 
 
 def stated_unit(found: Recognised, signal: str) -> str:

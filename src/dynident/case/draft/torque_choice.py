@@ -97,7 +97,9 @@ def _others(found: Recognised) -> list[Group]:
     source = found.sources["torque"]
     return [
         group
-        for group in groups_of_robot(tuple(n for n in found.header if n not in source.columns), found.robot)
+        for group in groups_of_robot(
+            tuple(n for n in found.header if n not in source.columns), found.robot, found.stated
+        )
         if group.meaning.signal == "torque"
         and group.meaning.side in ("", source.side)
         and len(group.names) == len(source.columns)

@@ -121,7 +121,7 @@ def with_named_efforts(found: Recognised) -> Recognised:
 
 def _named_efforts(found: Recognised, count: int) -> dict[str, SignalSource]:
     """Return the torques, or else the currents, of so many joints that names tell where they do not tell positions."""
-    efforts = choose_signals(groups_of_robot(found.header, found.robot), count, True).groups
+    efforts = choose_signals(groups_of_robot(found.header, found.robot, found.stated), count, True).groups
     for signal in ("torque", "current"):
         if signal in efforts and efforts[signal].count == count:
             return {signal: SignalSource.of_group(efforts[signal])}

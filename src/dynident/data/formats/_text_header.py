@@ -130,7 +130,7 @@ def headless(path: str | Path, decimal: str, names: Sequence[str]) -> TextLayout
     """Return the layout of a text file that begins with its first row of numbers.
 
     Raises:
-        LogFormatError: The file is empty, or its first row is no row of as many numbers as there are names.
+        LogFormatError: The file is empty, its first row has not as many cells as there are names, or is a header.
     """
     lines, _, stated = _first_lines(path)
     first, delimiter = lines[0], delimiter_of([line.text for line in lines], decimal, stated)
@@ -140,10 +140,10 @@ def headless(path: str | Path, decimal: str, names: Sequence[str]) -> TextLayout
     if len(cells) != len(names):
         step = "give one name for each column (log: format: {csv: {names: [...]}})"
         raise LogFormatError(path, first.number, f"{len(cells)} cells and {len(names)} names", step)
-    words = [cell for cell in cells if not _is_number(cell, decimal)]
-    if words:
-        step = "the file has a header: leave the names out, or map its columns with columns:"
-        raise LogFormatError(path, first.number, f"'{words[0]}' in the first row is no number", step)
+    for cell, row in zip(cells, _names(lines[-1].text, delimiter), strict=False):
+        if not _is_number(cell, decimal) and _is_number(row, decimal):
+            step = "the file has a header: leave the names out, or map its columns with columns:"
+            raise LogFormatError(path, first.number, f"'{cell}' in the first row is no number", step)
     return TextLayout(first.number, tuple(names), delimiter, first.number - 1, note=", its columns named by the case")
 
 
