@@ -1,8 +1,8 @@
 """Phrases that must not come back, in messages, help and headings; ``make lint`` runs it.
 
-It looks at the strings of the package that hold more than one word, at templates of the report and the studio, and at
-headings of the documentation. Docstrings are left out, except those of commands, which become help. Names in
-source are for the reviewer's eye. Run: python scripts/words.py
+It looks at the strings of the package that hold more than one word, at templates of the report, the studio and exported
+programs, and at headings of the documentation. Docstrings are left out, except those of commands, which become help.
+Names in source are for the reviewer's eye. Run: python scripts/words.py
 """
 
 from __future__ import annotations
@@ -94,11 +94,17 @@ def lines(file: Path) -> Iterator[tuple[int, str]]:
             yield number, line
 
 
+def every_line(file: Path) -> Iterator[tuple[int, str]]:
+    """Yield the lines of a program that is written for a user, comments too."""
+    yield from enumerate(file.read_text(encoding="utf-8").splitlines(), 1)
+
+
 def texts(root: Path = ROOT) -> Iterator[tuple[str, int, str]]:
     """Yield all that is looked at: file below the root, line and text."""
     package = root / "src" / "dynident"
     for file in sorted(package.rglob("*")):
         read = {".py": messages, ".html": lines, ".js": lines}.get(file.suffix)
+        read = every_line if file.parent.match("exports/templates") else read
         if read:
             yield from ((file.relative_to(root).as_posix(), number, text) for number, text in read(file))
     for file in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):

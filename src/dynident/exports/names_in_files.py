@@ -6,6 +6,7 @@ import keyword
 import re
 import sys
 from collections.abc import Collection, Sequence
+from importlib import resources
 from pathlib import Path
 
 from dynident.errors import BadOption, FileError
@@ -75,3 +76,9 @@ def ros_names(names: Sequence[str]) -> tuple[str, ...]:
             step = "ROS joints are named with letters, digits, '_', '.', '/' and '-'; rename it in the robot model"
             raise BadOption("joint", name, step)
     return tuple(names)
+
+
+def template_parts(file: str) -> tuple[str, ...]:
+    """Return the texts of a file of ``templates``, each behind a line ``@@@ NAME``; its ``@...@`` are replaced."""
+    text = resources.files("dynident.exports").joinpath("templates", file).read_text(encoding="utf-8")
+    return tuple(part.partition("\n")[2] for part in text.split("@@@ ")[1:]) or (text,)

@@ -27,12 +27,14 @@ from dynident.exports.models.writing.c_programs import (
     rotor_matrix,
     state_updates,
 )
-from dynident.exports.models.writing.c_template import FUNCTIONS, HEAD, MEMORY_FUNCTIONS, MEMORY_TYPE, REGRESSOR, TAIL
 from dynident.exports.models.writing.document import document
 from dynident.exports.models.writing.expressions import Dialect
-from dynident.exports.names_in_files import comment_text, shown_names
+from dynident.exports.names_in_files import comment_text, shown_names, template_parts
 from dynident.model.kernels import batched
 from dynident.model.kernels.trace import TracedProgram
+
+#: The header less what is traced; what friction remembers stands in it where friction does.
+HEAD, MEMORY_TYPE, MEMORY_FUNCTIONS, FUNCTIONS, REGRESSOR, TAIL = template_parts("c_header.h")
 
 #: Random states of the self-test.
 REFERENCES = 5

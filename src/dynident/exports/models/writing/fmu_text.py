@@ -21,8 +21,7 @@ from dynident.exports.c_compiler import Compiler, build_library
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import takes_time
 from dynident.exports.models.writing.c_text import header_text
-from dynident.exports.models.writing.fmu_template import LIFE, TYPES
-from dynident.exports.names_in_files import comment_text, shown_names
+from dynident.exports.names_in_files import comment_text, shown_names, template_parts
 
 #: Names of files in the archive.
 DESCRIPTION, SOURCE, HEADER, MODEL = "modelDescription.xml", "fmi3.c", "dynamics.h", "resources/model.dynident.json"
@@ -153,7 +152,7 @@ def _source(subject: Identified, prefix: str, variables: tuple[Variable, ...]) -
         "TEMP": "temperature, " if warm else "",
         **_memory(prefix, "state" in subject.model.needs, takes_time(subject.model)),
     }
-    text = TYPES + LIFE + "\n".join(lacking_functions()) + "\n"
+    text = template_parts("fmi3.c")[0] + "\n".join(lacking_functions()) + "\n"
     for name, value in values.items():
         text = text.replace(f"@{name}@", value)
     return text

@@ -1,11 +1,5 @@
-"""The text of the C header, less what is traced; ``@...@`` are replaced."""
-
-from __future__ import annotations
-
-from typing import Final
-
-#: What stands before the functions: comment, types, names.
-HEAD: Final = """/* Dynamics of an identified robot arm; written by dynident @VERSION@, not by hand.
+@@@ head
+/* Dynamics of an identified robot arm; written by dynident @VERSION@, not by hand.
  *
  * Robot: @ROBOT@
  * Estimate: method '@METHOD@'; SHA-256 of its export to json:
@@ -81,10 +75,8 @@ static inline @UPPER@_REAL @UPPER@_F(sign_)(@UPPER@_REAL v, @UPPER@_REAL width, 
     return v > @UPPER@_C(0.0) ? @UPPER@_C(1.0) : (v < @UPPER@_C(0.0) ? @UPPER@_C(-1.0) : @UPPER@_C(0.0));
 }
 
-"""
-
-#: What friction remembers, where it does: the type, which stands before that of the observer, and its functions.
-MEMORY_TYPE: Final = """/* What friction remembers of the way to a sample. Begin with @LOWER@_memory_reset, then give
+@@@ memory type
+/* What friction remembers of the way to a sample. Begin with @LOWER@_memory_reset, then give
  * @LOWER@_memory_step the positions in the order of time, before the functions that take it. @TIME@ */
 typedef struct {
     @UPPER@_REAL state[@JOINTS@ * @STATES_OF_DRIVE@];
@@ -92,8 +84,8 @@ typedef struct {
     int started;
 } @UPPER@_F(memory);
 
-"""
-MEMORY_FUNCTIONS: Final = """/* Set the memory back: nothing is known of the way before the next step. */
+@@@ memory functions
+/* Set the memory back: nothing is known of the way before the next step. */
 static inline void @UPPER@_F(memory_reset)(@UPPER@_F(memory) *memory)
 {
     static const @UPPER@_REAL start[@STATES_OF_DRIVE@] = {@STATE_STARTS@};
@@ -123,10 +115,8 @@ static inline void @UPPER@_F(memory_step)(@UPPER@_F(memory) *memory, @IN@q@DT_IN
     memory->started = 1;
 }
 
-"""
-
-#: The functions over those that are traced.
-FUNCTIONS: Final = """/* Torque of friction, less the drives' bias; rigid is the torque without friction. */
+@@@ functions
+/* Torque of friction, less the drives' bias; rigid is the torque without friction. */
 static inline void @UPPER@_F(drives_)(@IN@q, @IN@dq, @IN@rigid, @TEMP_IN@@MEMORY_IN@@UPPER@_REAL scale,
                                        @UPPER@_REAL *tau)
 {
@@ -227,10 +217,8 @@ static inline void @UPPER@_F(observer_step)(@UPPER@_F(observer) *observer, @IN@q
         observer->integral[i] = reached + dt * observer->residual[i];
     }
 }
-"""
+@@@ regressor
 
-#: The regressor of base parameters.
-REGRESSOR: Final = """
 /* The base parameters, in SI units:
 @BETA_NAMES@
  */
@@ -256,10 +244,8 @@ static inline void @UPPER@_F(regressor)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@MEMORY
     (void)scale;
     (void)rigid;@TEMP_VOID@@MEMORY_VOID@
 }
-"""
+@@@ tail
 
-#: The self-test, and the end of the header.
-TAIL: Final = """
 #ifdef @UPPER@_SELF_TEST
 #include <stdio.h>
 
@@ -309,7 +295,7 @@ int main(void)
     }
     for (k = 0; k < @CHECKS@; ++k) {
         const int good = away[k] <= limit * fmax(size[k], 1e-6 * size[0]);
-        printf("%s: largest difference %.2g of %.3g, %s\\n", names[k], away[k], size[k], good ? "good" : "FAILED");
+        printf("%s: largest difference %.2g of %.3g, %s\n", names[k], away[k], size[k], good ? "good" : "FAILED");
         failed += !good;
     }
     return failed ? 1 : 0;
@@ -321,4 +307,3 @@ int main(void)
 #undef @UPPER@_M
 #undef @UPPER@_C
 #endif
-"""

@@ -1,11 +1,4 @@
-"""The C source of a functional mock-up unit by FMI 3.0, over the C header; ``@...@`` are replaced."""
-
-from __future__ import annotations
-
-from typing import Final
-
-#: Types and names of FMI 3.0, unless its own headers are included before.
-TYPES: Final = """/* FMI 3.0 interface of an identified robot arm; written by dynident @VERSION@, not by hand.
+/* FMI 3.0 interface of an identified robot arm; written by dynident @VERSION@, not by hand.
  *
  * Model Exchange and Co-Simulation; no continuous states, no events: torques follow from q, dq, ddq at once@WAY@.
  * Build: this file alone, with the mathematical library. Define FMI3_FUNCTION_PREFIX where several units are linked
@@ -69,10 +62,7 @@ typedef void (*fmi3UnlockPreemptionCallback)(void);
 #define GLUED(a, b) GLUED_(a, b)
 #define NAME(name) GLUED(FMI3_FUNCTION_PREFIX, name)
 #define STATUS(name) FMI3_Export fmi3Status NAME(name)
-"""
 
-#: The unit: its values, its life, and the functions that it answers.
-LIFE: Final = """
 /* Values by value reference: time, then by joint the inputs, then by joint the outputs. */
 enum { N = @UPPER@_JOINTS, FIRST = 1 + N * @INPUTS@, COUNT = FIRST + N * @OUTPUTS@ };
 
@@ -350,4 +340,3 @@ STATUS(fmi3DoStep)(fmi3Instance instance, fmi3Float64 now, fmi3Float64 step, fmi
     unit->value[0] = *reached = now + step;
 @KEPT_BY_STEP@    return moved(unit, STEP, STEP);
 }
-"""
