@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from dynident.identification.identify import identify
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
+from dynident.robot_files.strict_yaml import load_yaml
 
 
 def members(own: Array, covariances: Array) -> list[Member]:
@@ -198,6 +200,11 @@ def test_what_a_fleet_refuses(estimates, planar_2r, spatial_3r, exact_log):
     odd = identify(plain, [log], "wls", Preprocessing(AsGiven(), rest="keep"))
     with pytest.raises(BadOption, match="other friction than r0: viscous, there coulomb viscous"):
         fleet_of([*robots, robot_of_estimate("odd", odd)])
+    with pytest.raises(BadOption) as refused:
+        fleet_of([robot_of_estimate("odd", odd), robots[0], robots[1]])
+    (line,) = re.findall(r"state that of r0 in all cases and estimate again: (friction: .*)", str(refused.value))
+    value, _ = load_yaml("case.yaml", line.encode())  # of the robot with most parts
+    assert value == {"friction": [{"coulomb": {"width": "0.02"}}, "viscous"]}
     other = DynamicModel(spatial_3r, (Coulomb(), Viscous()))
     log = exact_log(other, np.append(spatial_3r.nominal, np.tile([1.0, 0.5], 3)), noise=0.3, seed=9)
     odd = identify(other, [log], "wls", Preprocessing(AsGiven(), rest="keep"))

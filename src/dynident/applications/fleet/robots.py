@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +26,9 @@ from dynident.identification.streaming.estimate import assembled
 from dynident.identification.streaming.stretch_statistics import StretchStatistics
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
+
+#: How the difference of two robots begins that were estimated with other friction.
+_OTHER_FRICTION = "other friction than"
 
 
 @dataclass(frozen=True)
@@ -148,7 +153,25 @@ def check_alike(robots: Sequence[FleetRobot]) -> None:
         difference = _difference(first, robot)
         if difference:
             step = "a fleet is of one type of robot, identified with one description and one friction"
+            step = _one_friction(robots) if difference.startswith(_OTHER_FRICTION) else step
             raise BadOption("robots", f"{robot.name}, which has {difference}", step)
+
+
+def _one_friction(robots: Sequence[FleetRobot]) -> str:
+    """Return how the friction of a fleet becomes one: by the case line of the robot with most parts."""
+    most = max(robots, key=lambda robot: len(robot.model.friction))
+    parts = list[str]()
+    for part in model_to_dict(most.model)["friction"]:
+        ((name, options),) = part.items()
+        options = {key: _rounded(value) for key, value in options.items() if value is not None and key != "choose"}
+        values = ", ".join(f"{key}: {json.dumps(value)}" for key, value in options.items())
+        parts.append(f"{{{name}: {{{values}}}}}" if values else name)
+    line = f"friction: [{', '.join(parts)}]"
+    return f"a draft chooses friction by each log; state that of {most.name} in all cases and estimate again: {line}"
+
+
+def _rounded(value: Any) -> Any:
+    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 def _difference(first: FleetRobot, robot: FleetRobot) -> str:
@@ -157,7 +180,7 @@ def _difference(first: FleetRobot, robot: FleetRobot) -> str:
     if one["friction"] != other["friction"]:
         kinds = [" ".join(dict.fromkeys(name for part in each["friction"] for name in part)) for each in (one, other)]
         told = f": {kinds[1] or 'none'}, there {kinds[0] or 'none'}" if kinds[0] != kinds[1] else " in its fields"
-        return f"other friction than {first.name}{told}"
+        return f"{_OTHER_FRICTION} {first.name}{told}"
     ours, theirs = first.model.robot, robot.model.robot
     if ours.joint_names != theirs.joint_names:
         return f"other joints than {first.name}: {', '.join(theirs.joint_names)}, there {', '.join(ours.joint_names)}"
