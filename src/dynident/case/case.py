@@ -29,7 +29,7 @@ from dynident.data.preprocessing import Preprocessing, default_preprocessing
 from dynident.data.split import Split
 from dynident.errors import FileError
 from dynident.file_versions import Document, FileVersions, renamed
-from dynident.files import unreadable
+from dynident.files import bytes_of
 from dynident.model.body_constraints import BODIES, Constraints
 from dynident.model.documents.sections import Section
 from dynident.model.dynamic_model import DynamicModel
@@ -211,10 +211,7 @@ def _read_case(path: str | Path, open_gains: bool) -> Case:
     file = Path(path)
     if file.suffix.lower() not in (".yaml", ".yml") or not os.path.isfile(file):
         return case_of_robot(str(path))
-    try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise unreadable(path, error) from error
+    data = bytes_of(path)
     if open_gains:
         data = without_open_gains(data)
     check_answered(path, data)

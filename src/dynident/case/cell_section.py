@@ -14,7 +14,7 @@ from typing import Any
 
 from dynident.case.case_values import guarded, part_of
 from dynident.errors import BadOption
-from dynident.files import unreadable
+from dynident.files import bytes_of
 from dynident.model.documents.sections import Section
 from dynident.robot_files.strict_yaml import load_yaml
 from dynident.simulation import effects
@@ -82,11 +82,7 @@ def read_cell(path: str | Path) -> CellSetup:
         DescriptionError: A fault in it, with the line and the key.
         UnknownChoice: A controller that does not exist.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise unreadable(path, error) from error
-    value, lines = load_yaml(path, data)
+    value, lines = load_yaml(path, bytes_of(path))
     return cell_of(Section.top(path, value, KEYS, lines))
 
 

@@ -5,15 +5,14 @@ Keys: links (by name: mass, density, centre, body, symmetry, thickness), total_m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import DescriptionError, DynidentError
-from dynident.files import unreadable
+from dynident.case.case_values import guarded
+from dynident.files import bytes_of
 from dynident.model.body_constraints import AXES, BodyConstraints, BoundingBox, Constraints, Ellipsoid, ValueRange
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
@@ -22,8 +21,6 @@ from dynident.robot_files.strict_yaml import load_yaml
 
 KEYS = ("links", "total_mass", "fixed")
 _LINK_KEYS = ("mass", "density", "centre", "body", "symmetry", "thickness")
-
-_Value = TypeVar("_Value")
 
 
 def read_constraints(path: str | Path, robot: Robot, robot_path: str = "") -> Constraints:
@@ -38,11 +35,7 @@ def read_constraints(path: str | Path, robot: Robot, robot_path: str = "") -> Co
         FileError: The file cannot be read.
         DescriptionError: A fault in it, with the line and the key.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise unreadable(path, error) from error
-    value, lines = load_yaml(path, data)
+    value, lines = load_yaml(path, bytes_of(path))
     return constraints_of(Section.top(path, value, KEYS, lines), robot, robot_path)
 
 
@@ -90,10 +83,12 @@ def _body(section: Section, robot: Robot, index: int, folders: Sequence[str | Pa
         from dynident.case.link_volume import mass_of_density  # few cases need it
 
         density = _range(section, "density")
-        mass = _guard(section, "density", lambda stated=mass: mass_of_density(robot, index, density, stated, folders))
-    return _guard(
-        section,
-        "thickness" if thickness < 0 else "mass" if section.has("mass") else "",
+        mass = guarded(
+            section.place("density"), lambda stated=mass: mass_of_density(robot, index, density, stated, folders)
+        )
+    key = "thickness" if thickness < 0 else "mass" if section.has("mass") else ""
+    return guarded(
+        section.place(key),
         lambda: BodyConstraints(mass, centre_box, centre_hull, body_box, ellipsoid, symmetry, thickness),
     )
 
@@ -108,12 +103,12 @@ def _range(section: Section, key: str) -> ValueRange:
     inner = section.section(key, ("min", "max"))
     low = inner.number("min", -np.inf) if inner.has("min") else -np.inf
     high = inner.number("max", np.inf) if inner.has("max") else np.inf
-    return _guard(section, key, lambda: ValueRange(low, high))
+    return guarded(section.place(key), lambda: ValueRange(low, high))
 
 
 def _box(section: Section) -> BoundingBox:
     corners = section.matrix("box", 2, 3)
-    return _guard(section, "box", lambda: BoundingBox(corners[0], corners[1]))
+    return guarded(section.place("box"), lambda: BoundingBox(corners[0], corners[1]))
 
 
 def _hull(section: Section) -> Array:
@@ -128,15 +123,4 @@ def _ellipsoid(section: Section) -> Ellipsoid:
     centre = inner.numbers("centre", 3, (0.0, 0.0, 0.0))
     axes = inner.numbers("semi_axes", 3)
     turn = rotation_from_rpy(inner.numbers("rpy", 3, (0.0, 0.0, 0.0)))
-    return _guard(inner, "semi_axes", lambda: Ellipsoid(centre, axes, turn))
-
-
-def _guard(section: Section, key: str, make: Callable[[], _Value]) -> _Value:
-    """Return ``make()``; an error about a value then also names its place."""
-    try:
-        return make()
-    except DescriptionError:
-        raise
-    except (DynidentError, ValueError) as error:
-        place = section.place(key)
-        raise DescriptionError(place.path, place.where, str(error), "see docs/case-file.md") from error
+    return guarded(inner.place("semi_axes"), lambda: Ellipsoid(centre, axes, turn))

@@ -24,11 +24,15 @@ from dynident.errors import BadOption, FileError
 from dynident.files import check_place
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dynident.studies.benchmark.experiment import Experiment
     from dynident.studies.benchmark.page import Result
     from dynident.studies.benchmark.real_sets import Scoreboard
+    from dynident.studies.benchmark.runner import Records
     from dynident.studies.benchmark.summary import MethodRow
     from dynident.studies.comparison.contest import Method
+    from dynident.workers.processes import Pool
 
 SUMMARY = "estimators where the truth is known, or on every real set"
 
@@ -83,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
 def _virtual(options: argparse.Namespace) -> int:
     from dynident.studies.benchmark.experiment import read_experiment
     from dynident.studies.benchmark.page import write_benchmark_page
-    from dynident.studies.benchmark.runner import Records, run_tasks
+    from dynident.studies.benchmark.runner import Records
     from dynident.studies.benchmark.summary import summary_of
     from dynident.studies.benchmark.virtual_tasks import VirtualWork, motions_of
 
@@ -91,12 +95,31 @@ def _virtual(options: argparse.Namespace) -> int:
     experiment = read_experiment(options.name, quick=options.quick, draws=options.draws, methods=methods)
     records = Records(options.out or f"dynident-benchmark-{experiment.path.stem}")
     quiet = options.quiet or options.json
-    pool, results, stopped = cluster_of(options), [], False
+    pool = cluster_of(options)
     with console.progress(1, quiet) as designing:
         motions = motions_of(experiment, records.folder, designing.step)
     work = VirtualWork(experiment, motions)
     tasks = work.tasks()
-    with console.progress(len(tasks), quiet) as progress:
+    results, stopped = _done(work, tasks, records, options, pool)
+    rows = summary_of(results)
+    if options.html and rows:
+        write_benchmark_page(options.html, experiment, rows, jobs.repeat_command())
+    if options.json:
+        console.answer_json(_figures(experiment, rows, len(results), len(tasks)))
+    else:
+        _show(experiment, rows)
+        console.remark(f"{len(results)} of {len(tasks)} tasks; kept in {records.folder}", options.quiet)
+    return _ended(stopped, len(results), len(tasks))
+
+
+def _done(
+    work: Any, tasks: Sequence[Any], records: Records, options: argparse.Namespace, pool: Pool | None = None
+) -> tuple[list[Any], bool]:
+    """Return the tasks that were done with their results, and whether Ctrl-C has ended the run."""
+    from dynident.studies.benchmark.runner import run_tasks
+
+    found: list[Any] = []
+    with console.progress(len(tasks), options.quiet or options.json) as progress:
         try:
             for each in run_tasks(
                 work,
@@ -108,18 +131,10 @@ def _virtual(options: argparse.Namespace) -> int:
                 pool=pool,
                 progress=progress.step,
             ):
-                results.append(each)
+                found.append(each)
         except KeyboardInterrupt:
-            stopped = True
-    rows = summary_of(results)
-    if options.html and rows:
-        write_benchmark_page(options.html, experiment, rows, jobs.repeat_command())
-    if options.json:
-        console.answer_json(_figures(experiment, rows, len(results), len(tasks)))
-    else:
-        _show(experiment, rows)
-        console.remark(f"{len(results)} of {len(tasks)} tasks; kept in {records.folder}", options.quiet)
-    return _ended(stopped, len(results), len(tasks))
+            return found, True
+    return found, False
 
 
 def _ended(stopped: bool, done: int, total: int) -> int:
@@ -156,7 +171,7 @@ def _show(experiment: Experiment, rows: tuple[MethodRow, ...]) -> None:
 def _real(options: argparse.Namespace) -> int:
     from dynident.studies.benchmark.page import write_scoreboard_page
     from dynident.studies.benchmark.real_sets import RealWork, read_scoreboard
-    from dynident.studies.benchmark.runner import Records, run_tasks
+    from dynident.studies.benchmark.runner import Records
 
     for name in ("quick", "draws"):
         if getattr(options, name):
@@ -169,21 +184,8 @@ def _real(options: argparse.Namespace) -> int:
         step = "name the folder with the logs in DYNIDENT_DATA"
         raise FileError(missing[0].missing[0], "there is no such file, and so it is for every set", step)
     records = Records(options.out or "dynident-benchmark-real")
-    quiet, results, stopped = options.quiet or options.json, [], False
-    with console.progress(len(tasks), quiet) as progress:
-        try:
-            for task, result in run_tasks(
-                work,
-                tasks,
-                records,
-                jobs=options.jobs,
-                time_limit=options.time_limit,
-                processor_limit=options.processor_limit,
-                progress=progress.step,
-            ):
-                results.append((task.name, task.method.label, result))
-        except KeyboardInterrupt:
-            stopped = True
+    done, stopped = _done(work, tasks, records, options)
+    results = [(task.name, task.method.label, result) for task, result in done]
     if options.html:
         write_scoreboard_page(options.html, board, results, jobs.repeat_command())
     if options.json:

@@ -18,12 +18,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dynident.cli import console, jobs
 from dynident.errors import BadOption
-from dynident.files import check_outputs, check_place, unreadable, write_atomically
+from dynident.files import bytes_of, check_outputs, check_place, write_atomically
 
 if TYPE_CHECKING:
     from dynident.applications.drive_gains import CarriedBody, DriveGains
@@ -77,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
     names = tuple(options.logs) or case.train
     if not names:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
-    data = _case_text(case)
+    data = bytes_of(case.path) if case.path else b""  # none for a case made from a robot alone
     if options.output:
         if not case.path:
             raise BadOption("--output", options.output, "it is a copy of the case; write one with 'dynident init'")
@@ -143,16 +142,6 @@ def _numbers(option: str, text: str | None, count: int) -> list[float] | None:
     if len(found) != count:
         raise BadOption(option, text, f"give {count} numbers with commas between them")
     return found
-
-
-def _case_text(case: Case) -> bytes:
-    """Return the bytes of the case file; none for a case made from a robot alone."""
-    if not case.path:
-        return b""
-    try:
-        return Path(case.path).read_bytes()
-    except OSError as error:
-        raise unreadable(case.path, error) from error
 
 
 def _found(

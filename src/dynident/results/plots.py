@@ -10,6 +10,7 @@ import numpy as np
 from dynident.errors import BadArgument, MissingDependency
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
+from dynident.results.figures.signals import run_time
 from dynident.results.report.sections.friction import friction_torque, standard_parameters
 from dynident.results.text import format_percent, label, pretty_unit, shorten
 
@@ -45,7 +46,7 @@ def plot_torques(estimate: Estimate, validation: Validation | None = None, joint
         )
     robot = estimate.model.robot
     figure, axes = _figure(len(columns))
-    time = np.concatenate([_from_zero(part) for part in np.split(data.time, data.starts[1:])])
+    time = run_time(data.time, data.starts)
     time[np.asarray(data.starts[1:], dtype=int)] = np.nan  # the line ends where the next log begins
     bands = data.half_widths()
     for axis, k in zip(axes, columns, strict=True):
@@ -161,11 +162,6 @@ def _columns(estimate: Estimate, joints: Sequence[str] | None) -> list[int]:
                 "joints", f"{name!r} where the robot has {', '.join(names)}", f"give joints=[{names[0]!r}]"
             )
     return [names.index(name) for name in wanted]
-
-
-def _from_zero(time: np.ndarray) -> np.ndarray:
-    """Return the time of a log from its first sample where it is that of a clock."""
-    return time - time[0] if len(time) and time[0] > 1e5 else np.array(time)
 
 
 def _named(estimate: Estimate) -> list[tuple[str, str]]:

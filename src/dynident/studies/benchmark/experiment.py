@@ -16,7 +16,7 @@ from dynident.case.cell_section import KEYS as CELL_KEYS
 from dynident.case.cell_section import CellSetup, cell_of
 from dynident.errors import BadOption, DescriptionError, UnknownChoice
 from dynident.file_versions import FileVersions
-from dynident.files import unreadable
+from dynident.files import bytes_of
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
 from dynident.model.dynamic_model import DynamicModel
@@ -158,11 +158,7 @@ def read_experiment(
         UnknownChoice: No benchmark, estimator, filter or friction of this name.
     """
     path = _path(name)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise unreadable(path, error) from error
-    value, lines = load_yaml(path, data)
+    value, lines = load_yaml(path, bytes_of(path))
     top = Section.versioned(path, value, _KEYS, lines, VERSIONS)
     short = top.section("quick", _QUICK)
     if quick and not top.has("quick"):

@@ -18,7 +18,7 @@ from dynident.data.preprocessing import FILTERS
 from dynident.data.split import Split
 from dynident.errors import DescriptionError, DynidentError, FileError
 from dynident.file_versions import Document, FileVersions, renamed
-from dynident.files import sha256_of, unreadable
+from dynident.files import bytes_of, sha256_of
 from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimators import ESTIMATORS
 from dynident.model.documents.sections import Section
@@ -121,10 +121,7 @@ def _as_it_stands(name: str, case: Case) -> RealSet:
 
 
 def _stated(file: Path) -> Scoreboard:
-    try:
-        value, lines = load_yaml(file, file.read_bytes())
-    except OSError as error:
-        raise unreadable(file, error) from error
+    value, lines = load_yaml(file, bytes_of(file))
     top = Section.versioned(file, value, ("scoreboard", "sets", "published"), lines, VERSIONS)
     sets = tuple(_set(file.parent, section) for section in top.sections("sets", _SET))
     names = [each.name for each in sets]

@@ -16,7 +16,7 @@ from dynident.exports.models.subject.drives import Drives, Term
 from dynident.exports.models.subject.identified import NONE, Identified
 from dynident.exports.models.writing.xml_edit import check_printable
 from dynident.file_versions import FileVersions
-from dynident.files import DAMAGE, unreadable
+from dynident.files import DAMAGE, bytes_of
 from dynident.identification.consistency.labels import labels_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
@@ -103,11 +103,7 @@ def read_document(path: str | Path, data: bytes | None = None) -> tuple[DynamicM
         FileError: The file cannot be read.
         EstimateFormatError: It is no such document, damaged, or of another format.
     """
-    if data is None:
-        try:
-            data = Path(path).read_bytes()
-        except OSError as error:
-            raise unreadable(path, error) from error
+    data = bytes_of(path) if data is None else data
     step = "give a file that 'dynident export --to json' has written"
     try:
         found: Any = json.loads(data)

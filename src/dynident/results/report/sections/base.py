@@ -16,11 +16,16 @@ class ReportSection(ABC):
 
     Attributes:
         title: Heading on the page and in its table of contents.
-        template: File in the folder ``templates``; beside the part's own file where an installed package adds it.
+        template: File in the folder ``templates``, called as the part; beside the part's own file where an installed
+            package adds it.
     """
 
     title: ClassVar[str]
     template: ClassVar[str]
+
+    def __init_subclass__(cls) -> None:
+        if "template" not in vars(cls):
+            cls.template = f"{cls.__module__.rpartition('.')[2]}.html"
 
     @abstractmethod
     def context(self, subject: Subject) -> dict[str, Any]:

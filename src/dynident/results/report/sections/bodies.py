@@ -54,7 +54,6 @@ class Bodies(ReportSection):
     """Standard parameters, where the estimator found some."""
 
     title: ClassVar = "Standard parameters of the links"
-    template: ClassVar = "bodies.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate = subject.estimate

@@ -17,7 +17,6 @@ class ChoicesSection(ReportSection):
     """Cut-off, delays, the friction of each joint, fields of friction parts; left out where nothing was tried."""
 
     title: ClassVar = "Model selection"
-    template: ClassVar = "choices.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         choices, cutoff = subject.estimate.choices, _cutoff(subject)

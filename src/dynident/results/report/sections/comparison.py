@@ -15,7 +15,6 @@ class ComparisonSection(ReportSection):
     """The table of the comparison, where there is one."""
 
     title: ClassVar = "Comparison of estimators"
-    template: ClassVar = "comparison.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         if not subject.comparison.rows:

@@ -19,7 +19,6 @@ class Convergence(ReportSection):
     """The objective per iteration: the estimate's ``extras`` (``trace``, ``optimum``) and the comparison's traces."""
 
     title: ClassVar = "Convergence"
-    template: ClassVar = "convergence.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         traces, optimum = traces_of(subject)

@@ -29,7 +29,6 @@ class DataSection(ReportSection):
     """Logs, filter and sources."""
 
     title: ClassVar = "Data and filter"
-    template: ClassVar = "data.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         if not subject.datasets:

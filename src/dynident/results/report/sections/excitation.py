@@ -15,7 +15,6 @@ class ExcitationSection(ReportSection):
     """A plan, where the report has one."""
 
     title: ClassVar = "Excitation"
-    template: ClassVar = "excitation.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         return {} if subject.plan is None else plan_context(subject.plan)

@@ -25,7 +25,6 @@ class FrictionSection(ReportSection):
     """Coefficients and curves; left out for a model without friction."""
 
     title: ClassVar = "Friction"
-    template: ClassVar = "friction.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate = subject.estimate

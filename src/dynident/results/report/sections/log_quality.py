@@ -53,7 +53,6 @@ class LogQuality(ReportSection):
     """Findings on each log; left out where the logs were not examined."""
 
     title: ClassVar = "Log quality"
-    template: ClassVar = "log_quality.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         known = subject.log_quality or subject.estimate.provenance.get("log_quality", ())

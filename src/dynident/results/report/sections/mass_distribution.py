@@ -21,7 +21,6 @@ class MassDistribution(ReportSection):
     """The robot at the mean posture of the fit; left out where neither estimate nor description has inertias."""
 
     title: ClassVar = "Mass distribution"
-    template: ClassVar = "mass_distribution.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate = subject.estimate

@@ -16,7 +16,6 @@ class MassMatrix(ReportSection):
     """M(q) at the mean posture of the fit."""
 
     title: ClassVar = "Mass matrix"
-    template: ClassVar = "mass_matrix.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate = subject.estimate

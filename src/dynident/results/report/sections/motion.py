@@ -20,7 +20,6 @@ class MotionSection(ReportSection):
     """Positions and speeds over time and the path in space, of reference motions and of the logs."""
 
     title: ClassVar = "Trajectories and tool path"
-    template: ClassVar = "motion.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         robot = subject.estimate.model.robot

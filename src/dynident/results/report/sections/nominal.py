@@ -16,7 +16,6 @@ class Nominal(ReportSection):
     """Errors of the nominal parameters on the same samples, and masses, centres and inertias side by side."""
 
     title: ClassVar = "Nominal and identified parameters"
-    template: ClassVar = "nominal.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         changes = link_changes(subject.estimate)

@@ -21,7 +21,6 @@ class Parameters(ReportSection):
     """The values with their intervals as a chart for each unit, and as a table."""
 
     title: ClassVar = "Base parameters"
-    template: ClassVar = "parameters.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate = subject.estimate

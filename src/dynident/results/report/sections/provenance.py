@@ -24,7 +24,6 @@ class Provenance(ReportSection):
     """Method, options, news of the method, versions and the exact command."""
 
     title: ClassVar = "Provenance"
-    template: ClassVar = "provenance.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate, choices = subject.estimate, subject.estimate.choices

@@ -25,7 +25,6 @@ class Residuals(ReportSection):
     """Size, memory, dependence on speed and spectrum of the residual."""
 
     title: ClassVar = "Residuals"
-    template: ClassVar = "residuals.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         robot = subject.estimate.model.robot

@@ -20,7 +20,6 @@ class RobotSection(ReportSection):
     """Joints, drives, links and gravity as the robot model states them."""
 
     title: ClassVar = "Robot"
-    template: ClassVar = "robot.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         model = subject.estimate.model

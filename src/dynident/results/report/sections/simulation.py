@@ -15,7 +15,6 @@ class Simulation(ReportSection):
     """Runs of the model under computed torque and PD; nothing where nothing was simulated."""
 
     title: ClassVar = "Simulation along the motion of a log"
-    template: ClassVar = "simulation.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         if subject.motion is None:

@@ -37,7 +37,6 @@ class Torques(ReportSection):
     """A figure per joint with the data of the fit and the tests side by side; all are zoomed together."""
 
     title: ClassVar = "Torques"
-    template: ClassVar = "torques.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         shown = subject.datasets[:MOST_DRAWN]

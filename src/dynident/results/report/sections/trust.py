@@ -16,7 +16,6 @@ class Trust(ReportSection):
     """What the diagnostics say; left out where none were made and no log leaves what the fit has seen."""
 
     title: ClassVar = "Diagnostics"
-    template: ClassVar = "trust.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate = subject.estimate

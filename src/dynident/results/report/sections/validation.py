@@ -28,7 +28,6 @@ class ValidationSection(ReportSection):
     """Errors and correlations of each joint."""
 
     title: ClassVar = "Validation"
-    template: ClassVar = "validation.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         found = [

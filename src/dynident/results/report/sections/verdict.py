@@ -55,7 +55,6 @@ class VerdictSection(ReportSection):
     """Verdict, test error, physical consistency, precision of the parameters, and the torques in small."""
 
     title: ClassVar = "Verdict"
-    template: ClassVar = "verdict.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate, judged = subject.estimate, subject.verdict
