@@ -16,10 +16,22 @@ from dynident.data.formats import ColumnMap, read_log
 from dynident.errors import BadOption, FileError
 from dynident.excitation.design.limits import LimitRow, MotionLimits, check_limits
 from dynident.excitation.design.parametrisation import parametrise
-from dynident.excitation.design.plan import VERSIONS, Plan, plan_data, read_plan, sampled, write_plan, write_samples
+from dynident.excitation.design.plan import (
+    VERSIONS,
+    Plan,
+    plan_data,
+    read_plan,
+    sampled,
+    slow_joints,
+    write_plan,
+    write_samples,
+)
 from dynident.excitation.trajectories.base import Designable
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.excitation.trajectories.rest_fourier import RestFourier
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.robot import Robot
 
 NONE = np.full(2, np.inf)
 
@@ -48,6 +60,24 @@ def plan_of(kind: str = "rest_fourier", scale: float = 1.0) -> Plan:
     values = {"condition": 12.5, "unit_condition": 3.0, "d_optimal": -np.inf}
     draft = Plan("arm", motion, run_in, "condition", values, limits, (), 2001, {"seed": 4, "noise": [1.0, 2.0]})
     return replace(draft, rows=check_limits(draft.motion(), limits, draft.samples))
+
+
+def test_a_joint_that_stands_for_a_fit_is_named_with_what_holds_it_back(planar_2r: Robot) -> None:
+    """A motion that a fit takes for standstill half of the time: by chance, by a limit of speed, by friction."""
+    model = DynamicModel(planar_2r, (Coulomb(),))
+    plan = plan_of()
+    assert slow_joints(replace(plan, limits=replace(plan.limits, revolute=(True, True))), model) == []
+    free = np.zeros((2, 5))
+    free[:, 1] = [0.5, 0.005]
+    plan = replace(plan, trajectory=RestFourier.from_free(free, 4.0))
+    plan = replace(plan, limits=replace(plan.limits, revolute=(True, True)))
+    (line,) = slow_joints(plan, model)
+    assert line.startswith("b moves at 0.0") and "slower than 0.02; design again with more --starts" in line
+    assert line.endswith("in the case") and "lock it, with locked: {b: " in line
+    (line,) = slow_joints(replace(plan, limits=replace(plan.limits, velocity=np.array([3.0, 0.03]))), model)
+    assert "its speed limit and its range allow no more: lock it" in line
+    (line,) = slow_joints(replace(plan, limits=replace(plan.limits, torque=np.array([np.inf, 0.5]))), model)
+    assert "by the robot model's masses and friction, and 0.5 are allowed: lock it" in line
 
 
 @pytest.mark.parametrize("kind", ["rest_fourier", "fourier", "bspline"])

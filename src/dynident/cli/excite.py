@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from dynident.excitation.collision.clearance import Clearance
     from dynident.excitation.design.multistart import SearchState
     from dynident.excitation.design.plan import Plan
+    from dynident.model.dynamic_model import DynamicModel
     from dynident.model.friction import Friction
 
 SUMMARY = "design the motion to record"
@@ -176,7 +177,7 @@ def _designed(case: Case, options: argparse.Namespace) -> int:
     if options.json:
         console.answer_json(plan_data(plan))
     else:
-        _show(plan, case_clearance(case), bool(options.earlier or options.earlier_logs))
+        _show(plan, case.model, case_clearance(case), bool(options.earlier or options.earlier_logs))
     if options.output:
         write_plan(plan, options.output)
         console.remark(f"saved {options.output}", options.quiet or options.json)
@@ -280,7 +281,8 @@ def _teller(progress: Progress, criterion: str) -> Callable[[SearchState], None]
     return told
 
 
-def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
+def _show(plan: Plan, model: DynamicModel, clearance: Clearance | None, earlier: bool) -> None:
+    from dynident.excitation.design.plan import slow_joints
     from dynident.results.plan_view import figures_table, outlook_table
     from dynident.results.text import label
 
@@ -300,6 +302,8 @@ def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
     _show_limits(plan)
     for line in _not_checked(plan, clearance):
         console.answer(line)
+    for line in slow_joints(plan, model):
+        console.answer(f"warning: {line}")
 
 
 def _show_limits(plan: Plan) -> None:

@@ -92,7 +92,8 @@ def off_lock(log: Log, robot: Robot, locked: Mapping[str, float] | None = None) 
         if away > LOCKED_TOLERANCE:
             at = f"{np.median(q):.4g}" if np.ptp(q) < LOCKED_TOLERANCE else "..."
             step = (
-                f"lock it at its logged position (locked: {{{name}: {at}}} in the case of the fit), or do not lock it"
+                f"lock it at its logged position (locked: {{{name}: {at}}} in the case of the fit), or do not lock it; "
             )
+            step += "where it stands elsewhere in each log, leave it out of joints and of the columns"
             found.append((name, f"{name} is locked at {position:g} but up to {away:.3g} away", step))
     return found

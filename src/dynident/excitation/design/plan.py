@@ -20,6 +20,8 @@ from dynident.excitation.design.rest_to_rest import RestToRest
 from dynident.excitation.trajectories.base import Designable
 from dynident.file_versions import Document, FileVersions, renamed
 from dynident.files import DAMAGE, read_json, write_atomically
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
 
 KIND = "dynident plan"
 
@@ -79,6 +81,35 @@ def worst_breach(plan: Plan) -> LimitRow | None:
     """Return the bound that a plan passes by most, None where it keeps all; what needs no model is computed again."""
     broken = [row for row in (*plan.rows, *check_limits(plan.motion(), plan.limits, plan.samples)) if not row.kept]
     return max(broken, key=lambda row: row.used) if broken else None
+
+
+def slow_joints(plan: Plan, model: DynamicModel) -> list[str]:
+    """Return in words which joints a fit would take for at rest half of the time, why, and what to do about each.
+
+    Args:
+        plan: The motion.
+        model: That it was designed for.
+    """
+    core, limits, theta = plan.trajectory, plan.limits, model.nominal()
+    q, dq, ddq = core.evaluate(np.linspace(0.0, core.period, plan.samples))
+    speed, found = np.median(np.abs(dq), axis=0), list[str]()
+    for k in np.flatnonzero(speed <= limits.slowest):
+        joint, least = plan.joints[k], limits.slowest[k]
+        turns = limits.revolute[k]
+        faster = dq.copy()
+        faster[:, k] = np.where(dq[:, k] < 0, -2.0, 2.0) * least
+        needed = 0.0 if theta is None else float(np.abs(model.torque(Motion(q, faster, ddq), theta)[:, k]).max())
+        why = "design again with more --starts or another --seed, or"
+        if needed > limits.torque[k]:
+            units = "N m" if turns else "N"
+            why = f"to move at {2.0 * least:.2g} takes {needed:.3g} {units} by the robot model's masses and friction"
+            why += f", and {limits.torque[k]:.3g} are allowed:"
+        elif not (limits.velocity[k] > 2.0 * least and 4.0 * limits.reach[k] > 2.0 * least * core.period):
+            why = "its speed limit and its range allow no more:"
+        told = f"{joint} moves at {np.abs(dq[:, k]).max():.2g} {'rad/s' if turns else 'm/s'} at most"
+        lock = f"lock it, with locked: {{{joint}: {np.mean(q[:, k]):.4g}}} in the case"
+        found.append(f"{told}, and a fit leaves out what is slower than {least:.2g}; {why} {lock}")
+    return found
 
 
 def breach_of(worst: LimitRow, verb: str = "is") -> str:
