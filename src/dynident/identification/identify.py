@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 
 from dynident.data.log import Log
@@ -12,7 +11,7 @@ from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimators import ESTIMATORS, Estimator
 from dynident.identification.fit import fit
-from dynident.identification.selection.cutoff.sensitivity import cutoff_sensitivity
+from dynident.identification.selection.cutoff.sensitivity import with_cutoff_sensitivity
 from dynident.identification.uncertainty.position_noise import without_noise
 from dynident.identification.uncertainty.trust import TrustOptions, with_diagnostics
 from dynident.identification.validate import with_nominal
@@ -58,8 +57,7 @@ def identify(
     estimate, problem = without_noise(estimate, problem, part, ordered, partial(fit, progress=progress))
     if trust.sensitivity:
         progress("other cut-offs")
-        table = cutoff_sensitivity(estimate, problem, ordered)
-        estimate = replace(estimate, choices=replace(estimate.choices, cutoff_sensitivity=table))
+        estimate = with_cutoff_sensitivity(estimate, problem, ordered)
     if trust.nominal:
         progress("nominal model")
         estimate = with_nominal(estimate, problem)

@@ -78,6 +78,24 @@ def test_noise_of_the_positions_that_biases_is_told(model: DynamicModel, log: Lo
     assert "standard deviations where the cut-off is 12 Hz" in warning
 
 
+def test_what_moves_beyond_chance_enters_the_intervals_and_nothing_else(
+    model: DynamicModel, log: Log, exact_log: Callable[..., Log]
+) -> None:
+    """Friction whose sign turns faster than the model's was up to 5.6 of its standard deviations off."""
+    theta = np.append(model.robot.nominal, np.tile([0.5, 0.3], 2))
+    noisy = replace(log, q=log.q + 1e-3 * np.random.default_rng(0).normal(size=log.q.shape))
+    sharp = DynamicModel(model.robot, (Coulomb(0.001), Viscous()))
+    turning = replace(exact_log(sharp, theta, noise=0.03, samples=4000, rate=200.0), dq=None, ddq=None)
+    for one, is_wrong in ((log, False), (noisy, False), (turning, True)):
+        plain, estimate = identify(model, [one], "wls", HOW), sensitive(model, one)
+        np.testing.assert_array_equal(plain.beta, estimate.beta)
+        error, wider = np.abs(estimate.beta - estimate.base.from_standard(theta)), estimate.std > 1.01 * plain.std
+        assert np.count_nonzero(wider) == 3 * is_wrong and np.all(estimate.std[~wider] == plain.std[~wider])
+        if is_wrong:
+            assert np.max(error[wider] / plain.std[wider]) > 5.0
+            assert np.max(error[wider] / estimate.std[wider]) < 2.0
+
+
 def test_lines_json_and_file(model: DynamicModel, log: Log, tmp_path) -> None:  # type: ignore[no-untyped-def]
     estimate = sensitive(model, log)
     (line,) = cutoff_lines(estimate.choices)
