@@ -21,6 +21,7 @@ from dynident.cli import check
 from dynident.cli.main import main
 from dynident.data.formats import read_log
 from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis import examination
 from dynident.diagnosis.examination import Examination
 from dynident.diagnosis.finding import Finding
 from dynident.identification.files.estimate_file import write_estimate
@@ -218,3 +219,18 @@ def test_notes_of_one_kind_about_several_joints_are_told_once(capsys: pytest.Cap
         "  note: friction curve (j2, j1), at j2: bends by j2",
         "    add parts",
     ]
+
+
+@pytest.mark.parametrize("is_told", [True, False])
+def test_what_logs_have_together_is_no_nothing_of_each(
+    is_told: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twice "nothing found" had stood above what was found in both."""
+    drift = Finding("warning", "friction drift", "", "falls from start to end", "warm the arm up first")
+    found = [Examination("a.csv", ()), Examination("b.csv", ()), Examination("both logs", (drift,) * is_told)]
+    monkeypatch.setattr(examination, "examine_logs", lambda *given: found)
+    assert main(["check", "er16", "a.csv", "b.csv", "--quiet"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    nothing = "nothing of its own" if is_told else "nothing found"
+    assert lines[:2] == [f"a.csv: {nothing}", f"b.csv: {nothing}"]
+    assert lines[2] == ("both logs: 1 warning" if is_told else "both logs: nothing found")

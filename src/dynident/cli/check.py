@@ -65,8 +65,9 @@ def run(options: argparse.Namespace) -> int:
     earlier = _earlier(case, options.against)
     with console.progress(len(names), options.quiet or options.json) as progress:
         found = examine_logs(case, names, earlier, progress.step)
+    together = len(found) > len(names) and bool(found[-1].findings)
     for examination in () if options.json else found:
-        show(examination)
+        show(examination, "nothing of its own" if together else "nothing found")
     mends = _fixed(found[0], options.fix) if options.fix else None
     if options.json:
         console.answer_json(_figures(case, found, mends))
@@ -122,7 +123,7 @@ def _figures(case: Case, found: Sequence[Examination], mends: tuple[str, ...] | 
     }
 
 
-def show(examination: Examination) -> None:
+def show(examination: Examination, nothing: str = "nothing found") -> None:
     """Print what was found, rivals of a likelier cause under it; notes of one kind about several joints as one."""
     labels = {finding.label for finding in examination.findings if not finding.beside}
     alone = [finding for finding in examination.findings if finding.beside not in labels]
@@ -130,7 +131,7 @@ def show(examination: Examination) -> None:
     counts = {word: sum(finding.severity == word for finding, *_ in groups) for word in ("error", "warning", "note")}
     told = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for word, count in counts.items() if count)
     calm = "no error or warning, " if {finding.severity for finding in alone} == {"note"} else ""
-    console.answer(f"{examination.path}: {calm}{told or 'nothing found'}")
+    console.answer(f"{examination.path}: {calm}{told or nothing}")
     for finding, *alike in groups:
         joints = dict.fromkeys(", ".join(each.joint for each in (finding, *alike)).split(", "))
         label = f"{finding.name} ({', '.join(joints)}), at {finding.joint}" if alike else finding.label
