@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dynident as di
-from dynident.errors import BadOption
+from dynident.errors import BadOption, DynidentError
 from dynident.model.robot import Robot
 
 pd = pytest.importorskip("pandas")
@@ -86,3 +86,20 @@ def test_the_message_of_a_tensor_is_kept(planar_2r: Robot) -> None:
         di.log_of({"time": TIME, "q": Tensor()}, planar_2r)
     with pytest.raises(BadOption, match="give rows of equal length"):
         di.log_of({"time": TIME, "q": [[1.0, 2.0], [3.0]]}, planar_2r)
+
+
+def test_columns_of_a_frame_may_be_counted_from_zero(planar_2r: Robot) -> None:
+    torque = np.ones_like(Q)
+    frame = pd.DataFrame(np.column_stack([TIME, Q, torque]), columns=["t", "q0", "q1", "tau0", "tau1"])
+    log = di.log_of(frame, planar_2r)
+    np.testing.assert_array_equal(log.q, Q)
+    np.testing.assert_array_equal(log.torque, torque)
+    with pytest.raises(BadOption, match="none is 'q1'"):
+        di.log_of(frame.drop(columns="q1"), planar_2r)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("ms", 1e3), ("us", 1e6)])
+def test_arrays_in_another_unit_of_time_get_the_line_of_numpy(planar_2r: Robot, unit: str, scale: float) -> None:
+    log = {"time": TIME * scale, "q": Q, "torque": np.sin(5 * Q)}
+    with pytest.raises(DynidentError, match=rf"write time = time \* {1 / scale:g} if it is in {unit}, 100 samples"):
+        di.identify(planar_2r, log)

@@ -488,7 +488,20 @@ def test_a_turned_torque_is_remarked(arm: str, six: Robot, motion: dict[str, Arr
         f"the torque of {six.joint_names[1]} has the opposite sign of the robot model's gravity torque" in remark
         for remark in draft.remarks
     )
-    assert "does the base stand upright?" in draft.text
+    assert "and the direction of gravity" in "".join(draft.remarks) and "does the base stand upright?" in draft.text
+
+
+def test_a_turned_torque_of_an_upright_axis_is_not_laid_to_gravity(tmp_path: Path) -> None:
+    """The first axis of a SCARA stands upright: gravity does not load it, whatever its slide carries."""
+    scara = read_robot("generic-scara")
+    scara = scara.with_drives(dict.fromkeys(scara.joint_names, Drive()))
+    turned = moved(scara)
+    turned["torque"] = turned["torque"] * np.array([-1.0, 1.0, 1.0, 1.0])
+    arm = write_robot(tmp_path / "arm.json", scara)
+    remarks = draft_case(arm, write_log(tmp_path / "run.csv", numbered(turned)), tmp_path).remarks
+    told = "".join(remarks)
+    assert f"{scara.joint_names[0]} has the opposite sign of the robot model's inertia: check the sign" in told
+    assert "gravity" not in told
 
 
 def test_a_vertical_slide_asks_what_carries_its_weight(tmp_path: Path) -> None:

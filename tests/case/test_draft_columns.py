@@ -305,4 +305,5 @@ def test_positions_in_turns_are_judged_by_the_limits_of_the_joints() -> None:
     counts = position_unit(np.round(2048 + 651.9 * q), joints, "")
     assert not counts.certain and "4096 a turn" in counts.why and "zero: -pi" in counts.why
     far = position_unit(np.round(9e4 * q), joints, "")
-    assert "4096 a turn" in far.why and "zero" not in far.why
+    assert "by the limits 3.6e+04 or more a turn of a joint: state 360 / (counts a turn) deg" in far.why
+    assert "4096" not in far.why and "side: {q: motor} and the gear_ratio" in far.why

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -88,6 +89,22 @@ def test_joint_states_without_a_header_as_ros2_topic_echo_writes_them(
     log = read(draft, tmp_path).read("run0.csv")
     np.testing.assert_allclose(log.q, motion["q"])
     np.testing.assert_allclose(np.diff(log.time), 0.01, atol=1e-6)
+
+
+def test_records_of_json_are_refused_with_the_line_that_makes_a_log_of_them(
+    robot: Robot, motion: dict[str, Array], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pandas")
+    rows = zip(motion["time"].tolist(), *(motion[key][:, ORDER].tolist() for key in ("q", "torque")), strict=True)
+    records = [json.dumps({"stamp": t, "name": NAMES, "position": q, "effort": torque}) for t, q, torque in rows]
+    (tmp_path / "run0.jsonl").write_text("\n".join(records), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LogFormatError, match="write its records as a table") as refused:
+        draft_case(write_robot(tmp_path / "arm.json", robot), "run0.jsonl")
+    exec(str(refused.value).partition("as a table: ")[2])
+    draft = draft_case("arm.json", "run0.jsonl.csv")
+    assert draft.recognition.joints.why == "by name[0] to name[5]"
+    np.testing.assert_allclose(read(draft, tmp_path).read("run0.jsonl.csv").q, motion["q"])
 
 
 def test_names_that_change_their_order_are_an_error_with_the_row(

@@ -150,6 +150,8 @@ def test_columns_in_another_order_are_named_with_the_right_one(
     assert found.name == finding
     moved = [i for i in range(3) if order[i] != i]
     assert found.joint == ", ".join(joints[i] for i in moved)
+    if finding == "joint order":
+        assert f"write joints: [{', '.join(joints[k] for k in order)}], or name the columns" in found.remedy
     if len(moved) == 3:
         assert f"read as those of {', '.join(joints[k] for k in order)}" in found.evidence
 

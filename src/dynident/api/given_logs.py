@@ -70,7 +70,7 @@ def log_of(data: LogLike, robot: RobotLike | None = None) -> Log:
         data: Arrays ``time`` (N,), ``q`` (N, n), ``torque`` or ``current`` (N, n), and ``dq``, ``ddq``,
             ``temperature``, ``q_ref``, ``dq_ref`` where they are measured, in SI units (a frame among them is read by
             the names of the joints where its columns have them); or a frame with columns
-            ``time``, ``q1``, ..., ``torque1``, ..., or ``q_NAME``, ``torque_NAME`` by the names of the joints.
+            ``time``, ``q1`` or ``q0``, ..., ``torque1``, ..., or ``q_NAME``, ``torque_NAME`` by the joints' names.
         robot: The robot, as :func:`robot_of` takes it: its joints, in its order; None for joint1, joint2, ...
 
     Raises:
@@ -223,10 +223,11 @@ def _columns_of(signal: str, names: Sequence[str], robot: Robot | None) -> tuple
     for word in _WORDS[signal]:
         if word in names:
             return [word], True
-        numbered = [f"{word}{k}" for k in range(1, len(names) + 1) if f"{word}{k}" in names]
+        first = 0 if f"{word}0" in names else 1
+        numbered = [f"{word}{k}" for k in range(first, first + len(names)) if f"{word}{k}" in names]
         called = [f"{word}_{name}" for name in robot.joint_names] if robot else []
         if robot and 0 < len(numbered) < robot.dof:
-            lost = next(f"{word}{k}" for k in range(1, robot.dof + 1) if f"{word}{k}" not in names)
+            lost = next(f"{word}{k}" for k in range(first, first + robot.dof) if f"{word}{k}" not in names)
             step = f'name it: frame.rename(columns={{"old": "{lost}"}}); or {_of_joints(robot, len(numbered))}'
             raise BadArgument("log", f"columns {', '.join(names[:12])}, and none is '{lost}'", step)
         for columns in (numbered, called):

@@ -39,12 +39,17 @@ from dynident.data.formats._text_table import TextTable
 from dynident.data.preprocessing import BRIDGED, SPLIT
 from dynident.data.profiles import PROFILES
 from dynident.errors import BadOption, DynidentError, LogFormatError
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 from dynident.robot_files.tree import PLACEHOLDERS
 
 #: Rows by which two columns of a time are told to be one.
 _FIRST_ROWS = 1 << 12
+
+#: Share of the largest torque of gravity from which it loads a joint.
+_LOADED = 1e-6
 
 #: What to do where a file holds one signal.
 _ELSEWHERE = f"; where each signal has a file of its own, {ONE_FILE}"
@@ -353,7 +358,7 @@ def _remarks(found: Recognised) -> list[str]:
 
 def _against(found: Recognised) -> list[str]:
     evidence, moving = found.evidence, found.moving
-    if found.effort != "torque" or evidence is None or moving is None:
+    if found.effort != "torque" or evidence is None or moving is None or found.sample is None:
         return []
     against = [
         name
@@ -362,5 +367,10 @@ def _against(found: Recognised) -> list[str]:
     ]
     if not against:
         return []
-    step = "check the sign and the order of the columns, and the direction of gravity"
-    return [f"the torque of {', '.join(against)} has the opposite sign of the robot model's gravity torque: {step}"]
+    model, place = DynamicModel(moving), [moving.joint_names.index(name) for name in against]
+    q = found.sample[1].q[::100]
+    held = np.abs(model.torque(Motion(q, 0.0 * q, 0.0 * q), np.asarray(model.nominal()))).max(axis=0)
+    loaded = bool(np.any(held[place] > _LOADED * held.max()))
+    step = f"check the sign and the order of the columns{', and the direction of gravity' if loaded else ''}"
+    what = f"the robot model's {'gravity torque' if loaded else 'inertia'}"
+    return [f"the torque of {', '.join(against)} has the opposite sign of {what}: {step}"]

@@ -22,6 +22,9 @@ HEADER = "the header states"
 #: Positions of less span than this, in rad or m, and than this share of the limits say nothing about their unit.
 _TELLING, _SHARE = 0.05, 0.1
 
+#: Counts a turn of the usual register of a servo's position.
+_REGISTER = 4096
+
 #: How far positions in the unit that the header states may be beyond the middle of the limits, times what these allow:
 #: another unit would be at least 57 times off.
 _BEYOND = 2.0
@@ -89,7 +92,7 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence
             away = f"values reach {np.abs(q[:, mine]).max():.4g}"
             word = other if fits[other] and said != si else ""
             sure, why = False, f"{away}, beyond the limits as {si}{f', within them as {other}' if fits[other] else ''}"
-            why += "" if word else _of_counts(q[:, mine])
+            why += "" if word else _of_counts(q[:, mine], own)
             turned = "" if said else _of_turned(q, joints, mine, other)
             if turned:
                 word, why, may_differ = "", f"{away}, beyond the limits as {si}{turned}", True
@@ -113,10 +116,15 @@ def _of_one_unit(joints: Sequence[Joint], stated: Sequence[str]) -> Iterator[tup
             yield [k for k in mine if said[k] == word], units, word
 
 
-def _of_counts(q: Array) -> str:
+def _of_counts(q: Array, joints: Sequence[Joint]) -> str:
     """Return what is said of positions that are whole numbers, as registers of encoders are; nothing of others."""
     if np.any(q % 1.0):
         return ""
+    widths = np.array([joint.limits.upper - joint.limits.lower for joint in joints])
+    turn = float((2 * np.pi * np.ptp(q, axis=0) / widths).max())
+    if turn > _REGISTER and joints[0].kind == "revolute":
+        told = f"encoder counts, by the limits {turn:.2g} or more a turn of a joint: state 360 / (counts a turn) deg"
+        return f"; whole numbers: {told}, of a motor before its gear with side: {{q: motor}} and the gear_ratio"
     zero = "; zero: -pi for each joint that stands at 0 at a count of 2048" if 0 <= q.min() <= q.max() <= 4096 else ""
     return f"; whole numbers: a count of 4096 a turn is 0.087890625 deg{zero}"
 

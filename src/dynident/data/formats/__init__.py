@@ -33,6 +33,14 @@ __all__ = [
     "written_columns",
 ]
 
+#: Suffixes of texts of records, one a sample, and the Python that writes them as a table, a column for each of a list.
+_RECORDS = (".jsonl", ".ndjson")
+_AS_COLUMNS = (
+    "import json, pandas, pathlib; pandas.DataFrame([{{f'{{k}}[{{i}}]' if isinstance(v, list) else k: x "
+    "for k, v in row.items() for i, x in enumerate(v if isinstance(v, list) else [v])}} for row in map(json.loads, "
+    "pathlib.Path({!r}).read_text().splitlines())]).to_csv({!r}, index=False)"
+)
+
 #: Suffixes of packed files, which are not unpacked here.
 _PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z")
 
@@ -142,5 +150,8 @@ def _chosen(path: str | Path, form: str | LogFormat | None) -> LogFormat:
     known = "; ".join(f"{name} ({', '.join(FORMATS.get(name).suffixes) or 'by name only'})" for name in FORMATS.names())
     suffix = Path(path).suffix.lower()
     step = "unpack it first" if suffix in _PACKED else f"the formats are: {known}"
+    if suffix in _RECORDS:
+        name = os.path.basename(path)
+        step = f"write its records as a table: {_AS_COLUMNS.format(name, f'{name}.csv')}"
     what = f"no log format has the suffix '{suffix}'" if suffix or os.path.exists(path) else "no such file"
     raise LogFormatError(path, None, what, step)

@@ -20,6 +20,7 @@ from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, in_order
 from dynident.diagnosis.causes.weighted_fit import EXACT, Products
 from dynident.diagnosis.finding import listed
+from dynident.diagnosis.new_log import IN_MEMORY
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
 #: order needs that both joints are explained then: torques of a light wrist hardly differ.
@@ -232,7 +233,10 @@ class PositionReadings:
             remedy = "name the position columns in the order of the joints (log: columns: q)"
             if len(moved) == 2:
                 yield from self._read(order, ones, "joint order", moved, remedy)
-            remedy = f"name the columns of positions and {fit.effort}s in the order of the joints (log: columns)"
+            line = f"joints: [{listed([names[order.index(i)] for i in plain])}]"
+            if fit.log.source.path in IN_MEMORY:
+                line = f"q = q[:, {[*order]}], and so the {fit.effort}s"
+            remedy = f"write {line}, or name the columns of both in the order of the joints (log: columns)"
             how = f"with their positions and {fit.effort}s {_in_words(names, order)},"
             yield from self._read(order, ones, "joint order", moved, remedy, how=how, mixing=fit.exchanged(order))
         if np.array_equal(np.asarray(fit.model.robot.coupling), np.eye(joints)):

@@ -8,6 +8,7 @@ from dynident.arrays import Array
 from dynident.case.evidence.torques import OFF
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.finding import CONSEQUENCES
+from dynident.diagnosis.new_log import IN_MEMORY
 
 #: Correlation with the torque of the robot model's masses from which it has their shape for certain.
 SURE = 0.9
@@ -43,7 +44,9 @@ def other_unit(fit: QuickFit, ratio: float) -> str:
     kinds = {joint.kind for joint in fit.model.robot.active}
     word = "SI" if len(kinds) > 1 else "N" if kinds == {"prismatic"} else "N m"
     near = [
-        f"{name}, log: units: {{torque: {'mN m' if (size, word) == (1e-3, 'N m') else f'{size:g} {word}'}}}"
+        f"{name}, torque = torque * {size:g}"
+        if fit.log.source.path in IN_MEMORY
+        else f"{name}, log: units: {{torque: {'mN m' if (size, word) == (1e-3, 'N m') else f'{size:g} {word}'}}}"
         for name, size in TORQUES
         if 1 / NEAR < size * ratio < NEAR
     ]

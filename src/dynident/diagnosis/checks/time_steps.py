@@ -13,6 +13,7 @@ from dynident.data.formats._units import UNITS, unit_of
 from dynident.data.preprocessing import gap_remedy, longest_step
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
+from dynident.diagnosis.new_log import IN_MEMORY
 
 #: Median steps from which a step is a gap.
 LONG = 10.0
@@ -106,6 +107,9 @@ def _unit(subject: CheckedLog, middle: float) -> Finding:
     if usual:
         rate = UNITS["time"][usual[0]][0][1] / plain
         remedy = f"state its unit (log: units: {{time: {usual[0]}}}, {rate:.4g} samples a second then); {counter}"
+        if subject.raw.log.source.path in IN_MEMORY:
+            (one, per), _ = unit_of("time", usual[0])
+            remedy = f"write time = time * {one / per:g} if it is in {usual[0]}, {rate:.4g} samples a second then"
     evidence = f"the median step is {plain:.4g} {unit}, {1 / middle:.4g} samples a second"
     if is_step(middle):
         evidence += f"; no joint is faster than {_speed_share(subject):.2%} of its speed limit"
