@@ -138,6 +138,10 @@ def test_torques_of_a_model_are_not_taken_for_measured_ones(tmp_path: Path) -> N
     assert "torques of a model" in found.unread["Torque1"] and not {"TorqueSm1", "q1"} & found.unread.keys()
     same = drafted(tmp_path, robot, columns | {f"TorqueSm{k + 1}": 1.01 * computed[:, k] for k in range(6)}).recognition
     assert same.sources["torque"].columns[0] == "Torque1" and not same.unread  # a filtered copy is no other torque
+    noise = np.random.default_rng(0).normal(0.0, 0.2 * computed.std(axis=0), computed.shape)
+    raw = {f"Torque{k + 1}": (computed + friction + noise)[:, k] for k in range(6)}
+    filtered = drafted(tmp_path, robot, columns | raw)
+    assert filtered.recognition.sources["torque"].columns[0] == "Torque1" and "measured torques" not in filtered.text
     both = {f"Torque{k + 1}": (computed + 0.5 * friction)[:, k] for k in range(6)}
     draft = drafted(tmp_path, robot, columns | both)
     (question,) = [one.text for one in draft.needed if "measured torques" in one.text]

@@ -23,6 +23,9 @@ ROWS = 1 << 16
 #: difference from these, of their size, below which they are the same, filtered or rounded.
 ALIKE, SAME = 0.5, 0.02
 
+#: Difference of what bodies without friction leave of two sets up to which these are one torque, filtered otherwise.
+SAME_FRICTION = 0.1
+
 #: Share of the variance that bodies without friction leave of a model's torques at most (those of a commanded motion
 #: left 0.01, measured ones of three arms 0.17 and more), and times by which they leave more of measured ones.
 OF_MODEL, MORE = 0.03, 5.0
@@ -67,6 +70,7 @@ def measured_torques(found: Recognised, tables: Sequence[LogTable]) -> tuple[Rec
         if k not in measured
         for name in names[k]
     }
+    measured = [k for k in measured if k == 0 or abs(left[k] - left[0]) > SAME_FRICTION * left[0]]
     if 0 in measured and len(measured) > 1:
         shown = [found.sources["torque"].shown(), *(group.shown() for group, _ in others)]
         told = ", ".join(f"{100 * left[k]:.3g} % of {shown[k]}" for k in measured)
