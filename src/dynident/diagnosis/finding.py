@@ -48,6 +48,7 @@ CONSEQUENCES = (
     "friction curve",
     "tilt",
     "load at the flange",
+    "end stop",
     "inconsistent links",
     UNEXPLAINED,
 )

@@ -39,15 +39,18 @@ SPOILED, HELD, FAR_APART = 2.0, 0.8, 20.0
 #: Estimators for which such a part is no reason to doubt the others.
 ROBUST = ("huber", "tukey", "irls", "l1")
 
-#: What such a part looks like besides.
-EXPLAINS = (*CONSEQUENCES, UNLIKE_OTHERS, "another robot", "torque scale of all", "coupling", "robot model differs")
-
 
 @dataclass(frozen=True)
 class Contact(Check):
     """Windows whose residual is far above the rest, and without which a fit explains all other rows far better."""
 
     stage: ClassVar[int] = 2
+
+    #: What such a part looks like besides.
+    explains: ClassVar[tuple[str, ...]] = (
+        *(name for name in CONSEQUENCES if name != "end stop"),
+        *(UNLIKE_OTHERS, "another robot", "torque scale of all", "coupling", "robot model differs"),
+    )
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         fit = subject.fit
@@ -72,7 +75,7 @@ class Contact(Check):
         )
         numbers = {"first": spans[0][0], "last": spans[-1][1], "ratio": float(ratios.max()), "fall": fall}
         severity: Severity = "note" if subject.case.estimator.name in ROBUST else "error"
-        return [Finding(severity, "contact", listed(names), evidence, remedy, numbers, EXPLAINS)]
+        return [Finding(severity, "contact", listed(names), evidence, remedy, numbers, self.explains)]
 
 
 def _spoiled(fit: QuickFit, most: float, parts: int) -> tuple[BoolArray, Array, float] | None:

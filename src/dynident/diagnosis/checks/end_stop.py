@@ -11,7 +11,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.checks.contact import EXPLAINS
+from dynident.diagnosis.checks.contact import Contact
 from dynident.diagnosis.finding import Finding, Severity
 
 #: Outward residual in the outermost rows, this share of all, over that of all rows, from which a fit without is made.
@@ -91,7 +91,7 @@ def _finding(subject: CheckedLog, fit: QuickFit, stop: _Stop) -> Finding:
     severity: Severity = "error" if stop.fall >= SPOILED else "warning" if stop.fall >= WORSE else "note"
     numbers = {"position": stop.bound, "push": stop.push, "ratio": stop.ratio, "fall": stop.fall}
     numbers |= {"first": spans[0][0], "last": spans[-1][1], "share": float(np.mean(stop.rows))}
-    return Finding(severity, "end stop", joint.name, evidence, remedy, numbers, (*EXPLAINS, "contact"))
+    return Finding(severity, "end stop", joint.name, evidence, remedy, numbers, (*Contact.explains, "contact"))
 
 
 def _stop(fit: QuickFit, joint: int, side: float) -> _Stop | None:
