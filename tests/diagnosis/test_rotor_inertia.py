@@ -147,14 +147,6 @@ def test_a_displaced_axis_is_no_counterbalance(six: Case, tmp_path: Path) -> Non
     assert "counterbalance" not in [one.name for one in found]
 
 
-def test_a_displaced_axis_is_no_clock_and_no_zero_though_these_have_little_torque(six: Case, tmp_path: Path) -> None:
-    found = with_axis_off(virtual(six, 0), 2, metres=0.03).examined(tmp_path).findings
-    (frame,) = [one for one in found if one.name == "link frame"]
-    assert frame.joint == six.robot.joint_names[2]
-    assert abs(frame.numbers[f"distance_m {frame.joint}"] - 0.03) < 0.01
-    assert not {"time scale", "position zero"} & {one.name for one in found}
-
-
 def test_what_explains_as_well_as_a_cause_that_is_sure_beside_axes_stands_beside_them_as_well(
     six: Case, tmp_path: Path
 ) -> None:

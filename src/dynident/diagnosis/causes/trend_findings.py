@@ -76,15 +76,13 @@ def rival_findings(blame: Blame, fit: QuickFit, scale_of: ScaleOf = lambda joint
 def standing(trends: Trends, blames: Sequence[Blame]) -> tuple[list[Finding], list[Blame]]:
     """Return what is said of axes of the robot model, and the causes with the rivals that stand beside them.
 
-    Where a rotor inertia, or a cause of most of a joint's residual, may be an axis that is off, all are judged beside
-    the axes as well. A rotor inertia does not stand beside a surer delay of its joint's torque, of which it would take
-    the rest in, and a delay not beside friction and hysteresis of its joint. A clock competes with axes that are put
-    right.
+    Where a rotor inertia or a grave cause may be an axis that is off, all are judged beside the axes as well. A rotor
+    inertia does not stand beside a surer delay of its joint's torque, of which it would take the rest in, and a delay
+    not beside friction and hysteresis of its joint. A clock competes with axes that are put right.
     """
     every = [each for blame in blames for each in (blame, *blame.rivals)]
     clock = next((one for one in blames if one.cause.name == "time scale" and is_grave(one)), None)
-    alone = [each for each in every if each.cause.name not in (RIPPLE, "friction curve")]
-    doubted = any(each.cause.name == "rotor inertia" or each.share > EXPLAINED for each in alone)
+    doubted = any(each.cause.name == "rotor inertia" or is_grave(each) for each in every if each.cause.name != RIPPLE)
     frames = trends.frames if doubted else ()
     delays = [blame for blame in (*blames, *trends.blames) if blame.cause.name == DELAY]
     late = {blame.cause.joint: blame.certainty for blame in delays}
