@@ -13,7 +13,6 @@ from dynident.data.preprocessing import FILTERS, Preprocessing, resample
 from dynident.data.preprocessing._zero_phase import low_passed
 from dynident.diagnosis.causes.quick_fit import ROWS_PER_HZ, QuickFit
 from dynident.errors import DynidentError
-from dynident.identification.problem.problem import speed_scales
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, default_friction
@@ -76,7 +75,7 @@ def _conversion(robot: Robot, log: Log) -> Array | None:
 def _by_kind(part: Friction, robot: Robot) -> list[Friction]:
     """Return a part whose speeds are for hinges, and one for each slide, which is slower; the part where none is."""
     speeds = {name: getattr(part, name) for name, one in part.ranges.items() if one.is_speed}
-    scales = dict(zip(robot.joint_names, speed_scales(robot).tolist(), strict=True))
+    scales = {joint.name: joint.speed_scale for joint in robot.active}
     slides = [joint.name for joint in robot.active if joint.kind == "prismatic"]
     if not slides or not speeds:
         return [part]

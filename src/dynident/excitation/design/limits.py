@@ -44,9 +44,6 @@ DISTANCE_SCALE = 0.1
 RATE_STEP = 1e-5
 
 
-#: Speed in rad/s up to which a fit takes a joint for at rest; of a slide its travel times that, or this travel in m.
-AT_REST, TRAVEL = 0.02, 0.25
-
 _LARGEST = ("velocity", "acceleration", "jerk", "torque", "torque_rate")
 
 
@@ -108,12 +105,6 @@ class MotionLimits:
     def reach(self) -> Array:
         """Half of each position range, shape (n,); infinite where there is none."""
         return np.where(np.isfinite(self.lower), 0.5 * (self.upper - self.lower), np.inf)
-
-    @property
-    def slowest(self) -> Array:
-        """Speed up to which a draft's preprocessing takes each joint for at rest, shape (n,), in rad/s or m/s."""
-        travel = np.where(np.isfinite(self.reach), np.minimum(2.0 * self.reach, 1.0), TRAVEL)
-        return AT_REST * np.where(self.revolute, 1.0, travel)
 
     def bounds(self) -> Array:
         """Return the largest distance from the centre, speed, acceleration and jerk, shape (4, n)."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array, finite
+from dynident.data.preprocessing import default_preprocessing
 from dynident.errors import BadOption, DynidentError, FileError
 from dynident.excitation.design.bounds import BoundLabel
 from dynident.excitation.design.limits import JOINTLESS, UNITS, LimitRow, MotionLimits, check_limits
@@ -93,8 +94,9 @@ def slow_joints(plan: Plan, model: DynamicModel) -> list[str]:
     core, limits, theta = plan.trajectory, plan.limits, model.nominal()
     q, dq, ddq = core.evaluate(np.linspace(0.0, core.period, plan.samples))
     speed, found = np.median(np.abs(dq), axis=0), list[str]()
-    for k in np.flatnonzero(speed <= limits.slowest):
-        joint, least = plan.joints[k], limits.slowest[k]
+    slowest = default_preprocessing().standstill * np.array([joint.speed_scale for joint in model.robot.active])
+    for k in np.flatnonzero(speed <= slowest):
+        joint, least = plan.joints[k], slowest[k]
         turns = limits.revolute[k]
         faster = dq.copy()
         faster[:, k] = np.where(dq[:, k] < 0, -2.0, 2.0) * least

@@ -20,12 +20,8 @@ from dynident.identification.problem.regressor_stream import RegressorStream, mo
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.joint import Joint
 from dynident.model.reduction import Reduced, Triangle, reduce
 from dynident.model.robot import Robot
-
-#: Travel in m of a slide whose limits are not known, and the longest that counts.
-TRAVEL, LONGEST_TRAVEL = 0.25, 1.0
 
 
 @dataclass(frozen=True)
@@ -237,20 +233,7 @@ def counting_rows(model: DynamicModel, prepared: Prepared) -> BoolArray:
 
 def rest_speeds(robot: Robot, standstill: float) -> Array:
     """Return the speed below which each joint rests, shape (n,): ``standstill`` in rad/s, of slides less, in m/s."""
-    return standstill * speed_scales(robot)
-
-
-def speed_scales(robot: Robot) -> Array:
-    """Return the speed of each joint that counts as 1 rad/s, shape (n,): 1 of a hinge, of a slide its travel a second.
-
-    A slide is built to cross its travel as a hinge turns a radian or so: a lift of 0.35 m, a finger of 0.03 m.
-    """
-    return np.array([_travel(joint) if joint.kind == "prismatic" else 1.0 for joint in robot.active])
-
-
-def _travel(joint: Joint) -> float:
-    span = joint.limits.upper - joint.limits.lower
-    return min(span, LONGEST_TRAVEL) if 0.0 < span < np.inf else TRAVEL
+    return standstill * np.array([joint.speed_scale for joint in robot.active])
 
 
 def check_rank(reduced: Reduced, base: BaseParameters) -> None:
