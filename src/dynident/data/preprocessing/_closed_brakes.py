@@ -67,8 +67,13 @@ def closed_brakes(log: Log) -> Array:
 
 def brakes_closed(spells: Iterable[Iterable[float]]) -> str:
     """Return when brakes are closed, in words; ``spells`` are starts and ends in s, (k, 2)."""
+    return f"with closed brakes ({spells_in_words(spells, TOLD)})"
+
+
+def spells_in_words(spells: Iterable[Iterable[float]], most: int) -> str:
+    """Return starts and ends in s, (k, 2), in words, ``most`` of them."""
     told = [f"{start:.4g} to {end:.4g} s" for start, end in spells]
-    return f"with closed brakes ({', '.join(told[:TOLD])}{', ...' * (len(told) > TOLD)})"
+    return f"{', '.join(told[:most])}{', ...' * (len(told) > most)}"
 
 
 def _windows(values: Array, width: int) -> tuple[Array, Array]:

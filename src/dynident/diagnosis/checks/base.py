@@ -74,6 +74,20 @@ class CheckedLog:
             return self.pooled
         return without_saturation(self.thin, self.sound.log, np.any(self.saturated, axis=(0, 1)))
 
+    def spans(self, fit: QuickFit, rows: BoolArray, apart: float, reach: float) -> list[tuple[float, float]]:
+        """Return start and end of the spells of some kept rows of a fit, shape (N,), in s since their log began.
+
+        Args:
+            fit: The fit.
+            rows: The rows.
+            apart: Time in s between two spells at least.
+            reach: Time in s by which each is wider at either end, to which a filter spreads what it has.
+        """
+        start = float(self.sound.log.time[0]) if len(fit.starts) == 1 else 0.0
+        own = fit.clock(np.asarray(fit.rows.prepared.kept.time)[rows]) - start
+        parts = np.split(own, np.flatnonzero(np.abs(np.diff(own)) > apart) + 1)
+        return [(max(float(part[0]) - reach, 0.0), float(part[-1]) + reach) for part in parts]
+
     @cached_property
     def saturated(self) -> BoolArray:
         """Where torques are cut off: at flat tops, at flat bottoms and at the limits of effort, shape (3, n, N)."""

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
+from dynident.data.preprocessing._closed_brakes import spells_in_words
 from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity, listed
@@ -58,12 +59,8 @@ class Contact(Check):
         if fit is None or found is None:
             return []
         left_out, ratios, fall = found
-        own = fit.clock(fit.rows.prepared.kept.time[left_out])
-        parts = np.split(own, np.flatnonzero(np.abs(np.diff(own)) > WINDOW_S) + 1)
-        spans = [(part[0] - REACH_S, part[-1] + REACH_S) for part in parts]  # a filter spreads its ends
-        start = subject.sound.log.time[0] if len(fit.starts) == 1 else 0.0
-        spans = [(max(float(first - start), 0.0), float(last - start)) for first, last in spans]
-        told = ", ".join(f"{first:.4g} to {last:.4g} s" for first, last in spans[:3]) + ", ..." * (len(spans) > 3)
+        spans = subject.spans(fit, left_out, WINDOW_S, REACH_S)
+        told = spells_in_words(spans, 3)
         names = [fit.model.robot.joint_names[k] for k in np.flatnonzero(ratios >= APART)]
         evidence = (
             f"{told} after the start the residual is up to {ratios.max():.0f} times that of all other samples; "

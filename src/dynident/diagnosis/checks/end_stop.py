@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
+from dynident.data.preprocessing._closed_brakes import spells_in_words
 from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.checks.contact import Contact
@@ -72,17 +73,14 @@ class EndStop(Check):
 
 
 def _finding(subject: CheckedLog, fit: QuickFit, stop: _Stop) -> Finding:
-    joint, kept = fit.model.robot.active[stop.joint], fit.rows.prepared.kept
+    joint = fit.model.robot.active[stop.joint]
     unit, effort = ("rad", "N m") if joint.kind == "revolute" else ("m", "N")
-    own = fit.clock(kept.time[stop.rows]) - (subject.sound.log.time[0] if len(fit.starts) == 1 else 0.0)
-    spells = np.split(own, np.flatnonzero(np.abs(np.diff(own)) > REACH_S) + 1)
-    spans = [(max(float(one[0]) - REACH_S, 0.0), float(one[-1]) + REACH_S) for one in spells]
-    told = ", ".join(f"{first:.4g} to {last:.4g} s" for first, last in spans[:6]) + ", ..." * (len(spans) > 6)
+    spans = subject.spans(fit, stop.rows, REACH_S, REACH_S)
     end, way = ("upper", "beyond") if stop.side > 0 else ("lower", "below")
     evidence = (
         f"it stands at {stop.bound:.4g} {unit}, the {end} end of its travel, in {len(spans)} spells, and pushes "
         f"outward with {stop.push:.3g} {effort} that the model does not explain, {stop.ratio:.0f} times its residual "
-        f"elsewhere: {told} after the start"
+        f"elsewhere: {spells_in_words(spans, 6)} after the start"
     )
     remedy = (
         f"it rests against an end stop or an obstacle: cut the rows {way} {stop.bound:.4g} {unit} and {REACH_S:g} s on "
