@@ -59,6 +59,18 @@ def test_positions_alone_are_joined_by_lines(generator: np.random.Generator) -> 
     np.testing.assert_array_equal(even.torque, log.torque)
 
 
+def test_positions_that_stand_in_more_rows_than_torques(generator: np.random.Generator) -> None:
+    """Positions at 50 Hz and torques at 250 Hz had kept their steps: a test error of 9.2 % for 0.4 %."""
+    log = run(generator)
+    even = resample(held(held(log, np.arange(ROWS) // 20 * 20, "q"), np.arange(ROWS) // 4 * 4, "torque"))
+    assert even.rate == pytest.approx(RATE / 4) and [step.split(" stands")[0] for step in even.source.steps[-2:]] == [
+        "each reading",
+        "each reading of q",
+    ]
+    assert np.abs(even.q - log.q[::4])[:-5].max() < 1e-3
+    np.testing.assert_array_equal(even.torque, log.torque[::4])
+
+
 def test_a_rest_without_noise_keeps_its_time(generator: np.random.Generator) -> None:
     """Rows of a reading are dropped, but not those of a joint at rest, which would be a gap."""
     log, rows = run(generator), np.arange(ROWS) // 10 * 10

@@ -22,26 +22,27 @@ def first_of_each_reading(log: Log) -> Log:
     """Return the log with the first row of each reading of positions, velocities and torques.
 
     What stays the same for longer, as at rest, keeps one row in as many as a reading usually stands in. Where positions
-    alone stand in several rows, a straight line joins their readings.
+    or velocities alone stand in several rows, or in more than the others, a straight line joins their readings.
     """
-    signals = {name: values for name in ("q", "dq", "torque") if (values := getattr(log, name)) is not None}
-    count, starts = _rows_of_reading(list(signals.values()))
+    count, starts = _rows_of_reading([values for values in (log.q, log.dq, log.torque) if values is not None])
     if count > 1:
-        return log.rows(starts, f"each reading stands in {count} rows: the first of them kept")
-    moved = {}
+        log = log.rows(starts, f"each reading stands in {count} rows: the first of them kept")
     for name in ("q", "dq"):
-        count, starts = _rows_of_reading([signals[name]] if name in signals else [])
+        values: Array | None = getattr(log, name)
+        if values is None:
+            continue
+        count, starts = _rows_of_reading([values])
         if count > 1:
-            readings = signals[name][starts].T
-            moved[name] = np.column_stack([np.interp(log.time, log.time[starts], column) for column in readings])
+            moved = np.column_stack([np.interp(log.time, log.time[starts], column) for column in values[starts].T])
             log = log.with_step(f"each reading of {name} stands in {count} rows: a straight line from one to the next")
-    return replace(log, **moved) if moved else log
+            log = replace(log, q=moved) if name == "q" else replace(log, dq=moved)
+    return log
 
 
 def _rows_of_reading(signals: Sequence[Array]) -> tuple[int, IntArray]:
     """Return how many rows a reading stands in, 1 where each is of its own, and the first row of each reading."""
     none, each = (1, np.zeros(0, int)), list[int]()
-    changed = np.zeros(max(len(signals[0]) - 1, 0) if signals else 0, bool)
+    changed = np.zeros(max(len(signals[0]) - 1, 0), bool)
     for column in (column for values in signals for column in values.T):
         own = column[1:] != column[:-1]
         each.append(int(np.count_nonzero(own)))
@@ -56,6 +57,7 @@ def _rows_of_reading(signals: Sequence[Array]) -> tuple[int, IntArray]:
     regular = np.mean(np.abs(gaps - count) <= max(1, count // 4))
     if np.mean(moved) < TOGETHER * len(gaps) or (regular < REGULAR and len(moved) < SEVERAL):
         return none
-    ends = np.append(starts[1:], len(changed) + 1)
-    ends = np.where(ends - starts > REST * count, ends - count // 2, starts + 1)
-    return count, np.concatenate([np.arange(*both, count) for both in zip(starts, ends, strict=True)])
+    rows = np.diff(np.append(starts, len(changed) + 1))
+    kept = np.where(rows > REST * count, -(-(rows - count // 2) // count), 1)
+    within = np.arange(kept.sum()) - np.repeat(np.cumsum(kept) - kept, kept)
+    return count, np.repeat(starts, kept) + count * within
