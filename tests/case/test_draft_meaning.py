@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.ndimage
 
 from drafted_logs import joints_called, moved, named, numbered, read, write_log, write_robot
 from dynident.arrays import Array
@@ -138,6 +139,14 @@ def test_torques_of_a_model_are_not_taken_for_measured_ones(tmp_path: Path) -> N
     assert "torques of a model" in found.unread["Torque1"] and not {"TorqueSm1", "q1"} & found.unread.keys()
     same = drafted(tmp_path, robot, columns | {f"TorqueSm{k + 1}": 1.01 * computed[:, k] for k in range(6)}).recognition
     assert same.sources["torque"].columns[0] == "Torque1" and not same.unread  # a filtered copy is no other torque
+    smooth = scipy.ndimage.gaussian_filter1d(computed, 10.0, axis=0)
+    without = {
+        f"{name}{k + 1}": own[:, k] for name, own in (("Torque", computed), ("TorqueSm", smooth)) for k in range(6)
+    }
+    simulated = drafted(
+        tmp_path, robot, columns | without
+    ).recognition  # of a simulation without friction, and filtered
+    assert simulated.sources["torque"].columns[0] == "Torque1" and not simulated.unread
     noise = np.random.default_rng(0).normal(0.0, 0.2 * computed.std(axis=0), computed.shape)
     raw = {f"Torque{k + 1}": (computed + friction + noise)[:, k] for k in range(6)}
     filtered = drafted(tmp_path, robot, columns | raw)

@@ -27,8 +27,9 @@ ALIKE, SAME = 0.5, 0.02
 SAME_FRICTION = 0.1
 
 #: Share of the variance that bodies without friction leave of a model's torques at most (those of a commanded motion
-#: left 0.01, measured ones of three arms 0.17 and more), and times by which they leave more of measured ones.
-OF_MODEL, MORE = 0.03, 5.0
+#: left 0.01, measured ones of three arms 0.17 and more), times by which they leave more of measured ones, and share of
+#: that which friction explains: else it is noise, or a filter, of torques without friction.
+OF_MODEL, MORE, BY_FRICTION = 0.03, 5.0, 0.5
 
 
 def measured_torques(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recognised, Mapping[str, str]]:
@@ -61,9 +62,13 @@ def measured_torques(found: Recognised, tables: Sequence[LogTable]) -> tuple[Rec
         return found, {}
     cutoff = cutoff_from(found.band_hz, 1.0 / float(np.median(np.diff(log.time))))
     each = [read, *(values for _, values in others)]
-    left = [1.0 - share for share in explained_shares(robot, log.time, log.q, each, cutoff, has_friction=False)]
+    left, beside = (
+        [1.0 - share for share in explained_shares(robot, log.time, log.q, each, cutoff, has_friction=friction)]
+        for friction in (False, True)
+    )
+    most = max((a for a, b in zip(left, beside, strict=True) if a - b >= BY_FRICTION * a), default=0.0)
     names = [found.sources["torque"].columns, *(group.names for group, _ in others)]
-    measured = [k for k in range(len(left)) if not (left[k] < OF_MODEL and MORE * left[k] < max(left))]
+    measured = [k for k in range(len(left)) if not (left[k] < OF_MODEL and MORE * left[k] < most)]
     computed = {
         name: f"torques of a model: bodies without friction explain {100 * (1 - left[k]):.4g} % of them"
         for k in range(len(left))
