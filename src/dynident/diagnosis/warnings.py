@@ -299,6 +299,7 @@ def _sensitivity(choices: Choices) -> str:
         f"{worst.farthest} moves by {worst.beyond_chance:.2g} of its standard deviations where the cut-off is "
         f"{worst.cutoff_hz:g} Hz in place of {found.cutoff_hz:g} Hz: "
         f"{'noise of the positions or ' * is_noisy}the model error (friction, flexible joints, time delay) is larger "
-        "than the noise explains, which the intervals allow for; compare cut-offs"
+        f"than the noise explains{'' if is_noisy and worst.cutoff_hz > found.cutoff_hz else '; intervals allow for it'}"
+        "; compare cut-offs"
         f"{', or use cutoff_hz: auto' * (choices.cutoff_choice is None)}"
     )

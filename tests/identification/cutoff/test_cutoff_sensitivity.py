@@ -76,6 +76,7 @@ def test_noise_of_the_positions_that_biases_is_told(model: DynamicModel, log: Lo
     estimate = sensitive(model, noisy)
     (warning,) = [text for text in warnings_of(estimate) if "moves by" in text]
     assert "standard deviations where the cut-off is 12 Hz" in warning
+    assert ("intervals allow for it" in warning) == (estimate.choices.position_noise is None)
 
 
 def test_what_moves_beyond_chance_enters_the_intervals_and_nothing_else(

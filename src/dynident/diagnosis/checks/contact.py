@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
+from dynident.data.preprocessing import LONGEST_GAP
 from dynident.data.preprocessing._closed_brakes import spells_in_words
 from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
@@ -66,9 +67,11 @@ class Contact(Check):
             f"{told} after the start the residual is up to {ratios.max():.0f} times that of all other samples; "
             f"fitted without that part, theirs is {np.sqrt(fall):.2g} times smaller"
         )
+        longest = max(last - first for first, last in spans)
+        bridged = f" (preprocessing: longest_gap_s: {np.ceil(longest + 0.1):g})" if longest > LONGEST_GAP else ""
         remedy = (
             "look at that part (a contact, a crash, a hand on the arm, a load for a while, a fault of the recording): "
-            "cut its rows out of the log, or state estimator: huber"
+            f"cut its rows out of the log{bridged}, or state estimator: huber"
         )
         numbers = {"first": spans[0][0], "last": spans[-1][1], "ratio": float(ratios.max()), "fall": fall}
         severity: Severity = "note" if subject.case.estimator.name in ROBUST else "error"
