@@ -23,6 +23,7 @@ from dynident.exports.models.writing.c_programs import (
     motor_lines,
     programs_of,
     state_updates,
+    variables_of,
 )
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.exports.names_in_files import module_notes
@@ -211,22 +212,9 @@ def casadi_text(subject: Identified) -> str:
 
 def _python_function(program: TracedProgram, name: str, arrays: Sequence[str], width: int) -> Iterator[str]:
     """Yield the lines of one traced function; it returns a list."""
-    signs = {"add": "+", "sub": "-", "mul": "*"}
     yield f"def _{name}(m, {', '.join(arrays)}):"
-    terms: list[str] = []
-    for number, node in enumerate(program.nodes):
-        if node.operation == "const":
-            terms.append(repr(node.value))
-            continue
-        operands = [terms[k] for k in node.operands]
-        if node.source is not None:
-            term = f"{node.source.array}[{node.source.entry}]"
-        elif node.operation in signs:
-            term = f"{operands[0]} {signs[node.operation]} {operands[1]}"
-        else:
-            term = f"-{operands[0]}" if node.operation == "neg" else f"m.{node.operation}({operands[0]})"
-        yield f"    v{number} = {term}"
-        terms.append(f"v{number}")
+    terms, variables = variables_of(program, "{}", {"sin": "m.sin", "cos": "m.cos"})
+    yield from (f"    {own} = {term}" for own, term in variables)
     ends = program.outputs
     yield f"    return [{', '.join(terms[ends[k]] if k in ends else '0.0' for k in range(width))}]"
     yield ""

@@ -29,6 +29,8 @@ LARGEST = 120_000
 #: Largest difference of a torque, relative to the largest, with which base parameters stand for the bodies.
 SAME = 1e-10
 
+_SIGNS: Final = {"add": "+", "sub": "-", "mul": "*"}
+
 
 def folded(model: DynamicModel, theta: Array) -> Array:
     """Return inertial parameters (10 l,) with the same torques and as many zeros as there can be.
@@ -97,6 +99,34 @@ def programs_of(model: DynamicModel, theta: Array, estimate: Estimate | None) ->
         raise _too_long(f"{total} operations a call of each function")
     assert all(slot < size for slot in found["rigid"].outputs)
     return found
+
+
+def variables_of(
+    program: TracedProgram, constant: str, call: Mapping[str, str]
+) -> tuple[list[str], list[tuple[str, str]]]:
+    """Return the term of each node of a program, and the name and the expression of each variable, ``v<number>``.
+
+    Args:
+        program: Of sums, products, sines and cosines.
+        constant: How a number is written.
+        call: What ``sin`` and ``cos`` are called.
+    """
+    terms: list[str] = []
+    made: list[tuple[str, str]] = []
+    for number, node in enumerate(program.nodes):
+        if node.operation == "const":
+            terms.append(constant.format(repr(node.value)))
+            continue
+        operands = [terms[k] for k in node.operands]
+        if node.source is not None:
+            term = f"{node.source.array}[{node.source.entry}]"
+        elif node.operation in _SIGNS:
+            term = f"{operands[0]} {_SIGNS[node.operation]} {operands[1]}"
+        else:
+            term = f"-{operands[0]}" if node.operation == "neg" else f"{call[node.operation]}({operands[0]})"
+        made.append((f"v{number}", term))
+        terms.append(f"v{number}")
+    return terms, made
 
 
 def rotor_matrix(model: DynamicModel, theta: Array) -> Array:

@@ -26,6 +26,7 @@ from dynident.exports.models.writing.c_programs import (
     programs_of,
     rotor_matrix,
     state_updates,
+    variables_of,
 )
 from dynident.exports.models.writing.document import document
 from dynident.exports.models.writing.expressions import Dialect
@@ -277,9 +278,6 @@ def prefix_of(asked: str, path: Path) -> str:
     return word if word[:1].isalpha() else f"arm_{word}".rstrip("_")[:LONGEST]
 
 
-_SIGNS = {"add": "+", "sub": "-", "mul": "*"}
-
-
 @dataclass(frozen=True)
 class Spelling:
     """How a function is spelt.
@@ -318,23 +316,10 @@ def c99_function(
     if missing:
         raise ValueError(f"the program reads {sorted(missing)}, the function takes {list(arrays)}")
     spelt = spelling or Spelling()
-    functions = {"sin": spelt.sine, "cos": spelt.cosine}
     takes = ", ".join(f"const {spelt.real} *{array}" for array in arrays)
     lines = [f"{spelt.head} {name}({takes}, {spelt.real} *out)", "{"]
-    terms: list[str] = []
-    for number, node in enumerate(program.nodes):
-        if node.operation == "const":
-            terms.append(spelt.constant.format(repr(node.value)))
-            continue
-        operands = [terms[k] for k in node.operands]
-        if node.source is not None:
-            term = f"{node.source.array}[{node.source.entry}]"
-        elif node.operation in _SIGNS:
-            term = f"{operands[0]} {_SIGNS[node.operation]} {operands[1]}"
-        else:
-            term = f"-{operands[0]}" if node.operation == "neg" else f"{functions[node.operation]}({operands[0]})"
-        lines.append(f"    const {spelt.real} v{number} = {term};")
-        terms.append(f"v{number}")
+    terms, variables = variables_of(program, spelt.constant, {"sin": spelt.sine, "cos": spelt.cosine})
+    lines += [f"    const {spelt.real} {own} = {term};" for own, term in variables]
     lines += [f"    (void){array};" for array in arrays if array not in program.arrays]
     zero = spelt.constant.format("0.0")
     lines += [
