@@ -258,6 +258,18 @@ def test_faults_of_a_log_are_those_of_the_whole(case: Case, make: Callable[..., 
     assert "no temperatures of the drives" in same_refusal(warm, tmp_path / "sound.npz")
 
 
+@pytest.mark.parametrize("held", [("q", "torque"), ("q",)])
+def test_readings_that_stand_in_several_rows_are_refused(
+    held: tuple[str, ...], case: Case, make: Callable[..., Path], tmp_path: Path
+) -> None:
+    """A stream would filter the steps: 11 % of the torque for 0.8 % of a log in memory (UR10, 10 rows a reading)."""
+    log = case.read(make("run.npz", samples=4000))
+    rows = np.arange(4000) // 10 * 10
+    write_log(replace(log, **{name: getattr(log, name)[rows] for name in held}), tmp_path / "held.npz")
+    with pytest.raises(LogMismatch, match=r"stands in 10 rows.*write one row of each reading"):
+        reduce_logs(case.stream_setup(), [tmp_path / "held.npz"])
+
+
 def same_refusal(case: Case, path: Path) -> str:
     """Return the refusal of a log in memory once its stream is refused in the same words."""
     with pytest.raises(LogMismatch) as whole:

@@ -15,6 +15,7 @@ from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.formats import LogStream
 from dynident.data.log import Log, Source
 from dynident.data.preprocessing import SHORTEST_REST, Prepared, Preprocessing, check_finite, check_turns
+from dynident.data.preprocessing._held_rows import first_of_each_reading
 from dynident.data.preprocessing._local_polynomials import POINTS, shifted
 from dynident.errors import LogMismatch
 from dynident.identification.streaming.time_scan import TimeScan
@@ -219,6 +220,8 @@ def _on_grid(stream: LogStream, scan: TimeScan, meaning: Callable[[Log], Log]) -
     for block in stream.blocks():
         log = meaning(block)
         check_finite(log, done)
+        if not done:
+            _check_readings(stream.table.path, log)
         whole = log if before is None else _joined(before, log)
         check_turns(whole)
         done += log.samples
@@ -229,6 +232,14 @@ def _on_grid(stream: LogStream, scan: TimeScan, meaning: Callable[[Log], Log]) -
         moved = _interpolated(whole, scan, done == scan.samples)
         if moved is not None:
             yield moved
+
+
+def _check_readings(path: str, log: Log) -> None:
+    """Refuse a log whose first rows show each reading several times, which :func:`resample` sees to of a whole log."""
+    if held := first_of_each_reading(log).source.steps[len(log.source.steps) :]:
+        evidence = f"{held[0].split(':')[0]}: a stream would take its steps for motion"
+        step = "write one row of each reading, with its time; identify does so itself for logs up to 512 MiB"
+        raise LogMismatch(path, evidence, step)
 
 
 def _joined(first: Log, second: Log) -> Log:
