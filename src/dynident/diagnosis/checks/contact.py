@@ -23,15 +23,16 @@ WINDOW_S, MOST, MOST_OF_ONE, FITS = 0.25, 0.05, 0.2, 6
 #: Time in s at either end of such a part that belongs to it: less of it shows there.
 REACH_S = 0.1
 
-#: Parts that follow each other at most, and times of the speed of the rest up to which they are alike in motion: where
-#: a log is at rest but for a few samples, these are its motion.
-PARTS, SWIFT = 3, 3.0
+#: Parts that follow each other at most, of those far apart from the rest, and times of the rest's speed up to which
+#: they are alike in motion: where a log is at rest but for a few samples, these are its motion.
+PARTS, PARTS_FAR_APART, SWIFT = 3, 8, 3.0
 
 #: Least residual there, over the deviation of the torque: less is no contact that matters.
 LARGE = 0.1
 
-#: Root mean square residual of a window over that of the rest from which it is apart; the median's for a first look.
-APART, LOOK = 6.0, 3.0
+#: Root mean square residual of a part over that of the rest from which it is apart; share of the largest such ratio
+#: from which it belongs to the same fault, which braking beside a contact does not; the median's for a first look.
+APART, ALIKE, LOOK = 6.0, 0.2, 3.0
 
 #: Times by which the residual variance of all other rows is smaller, over the joints, once the windows are left out. Or
 #: else share of the squares of a joint's residual in the windows, and residual there over that of the rest: a fit of
@@ -56,15 +57,16 @@ class Contact(Check):
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         fit = subject.fit
-        found = None if fit is None else _spoiled(fit, MOST, PARTS) or _spoiled(fit, MOST_OF_ONE, 1)
-        if fit is None or found is None:
+        tries = [] if fit is None else [_spoiled(fit, MOST, PARTS), _spoiled(fit, MOST_OF_ONE, 1)]
+        told = [each for each in tries if each is not None]
+        if fit is None or not told:
             return []
-        left_out, ratios, fall = found
+        left_out, ratios, fall = max(told, key=lambda each: each[2])
         spans = subject.spans(fit, left_out, WINDOW_S, REACH_S)
-        told = spells_in_words(spans, 3)
-        names = [fit.model.robot.joint_names[k] for k in np.flatnonzero(ratios >= APART)]
+        places = spells_in_words(spans, PARTS_FAR_APART)
+        names = [fit.model.robot.joint_names[k] for k in np.flatnonzero(ratios >= max(APART, ALIKE * ratios.max()))]
         evidence = (
-            f"{told} after the start the residual is up to {ratios.max():.0f} times that of all other samples; "
+            f"{places} after the start the residual is up to {ratios.max():.0f} times that of all other samples; "
             f"fitted without that part, theirs is {np.sqrt(fall):.2g} times smaller"
         )
         longest = max(last - first for first, last in spans)
@@ -96,18 +98,23 @@ def _spoiled(fit: QuickFit, most: float, parts: int) -> tuple[BoolArray, Array, 
     outside, was = (_squares(each[~left_out]) for each in (residual, whole))
     known = np.isfinite(residual[~left_out]).sum(axis=0) >= FEWEST_ROWS
     fall = float(np.exp(np.mean(np.where(known, np.log(was / outside), 0.0))))
-    own, told, ratios = np.flatnonzero(left_out), np.zeros(len(windows), bool), np.zeros(len(some))
-    for part in np.split(own, np.flatnonzero(np.diff(windows[own]) > 1) + 1):  # braking is none beside a contact
-        inside = _squares(residual[part])
-        times = np.where(known & (inside > LARGE**2 * size), np.sqrt(inside / outside), 0.0)
-        if times.max() >= APART:
-            told[part], ratios[some] = True, np.maximum(ratios[some], times)
-    if not told.any() or not _is_alike_in_motion(fit, told if parts == 1 else left_out, windows, parts):
+    own = np.flatnonzero(left_out)
+    each = np.split(own, np.flatnonzero(np.diff(windows[own]) > 1) + 1)
+    inside = np.array([_squares(residual[part]) for part in each])
+    times = np.where(known & (inside > LARGE**2 * size), np.sqrt(inside / outside), 0.0)
+    told, ratios, chosen = np.zeros(len(windows), bool), np.zeros(len(some)), times.max(axis=1)
+    chosen = chosen >= max(APART, ALIKE * chosen.max())
+    if not chosen.any():
         return None
+    told[np.concatenate([part for part, is_one in zip(each, chosen, strict=True) if is_one])] = True
+    ratios[some] = times[chosen].max(axis=0)
     joint = int(np.argmax(ratios[some]))
     held = np.nansum(whole[told, joint] ** 2) / np.nansum(whole[:, joint] ** 2)
-    is_told = fall >= SPOILED or (held >= HELD and ratios.max() >= FAR_APART)
-    return (told, ratios, fall) if is_told else None
+    is_far = held >= HELD and ratios.max() >= FAR_APART
+    if not is_far and fall < SPOILED:
+        return None
+    kept, most_parts = (told, PARTS_FAR_APART) if is_far else (told if parts == 1 else left_out, parts)
+    return (told, ratios, fall) if _is_alike_in_motion(fit, kept, windows, most_parts) else None
 
 
 def _is_alike_in_motion(fit: QuickFit, left_out: BoolArray, windows: IntArray, parts: int) -> bool:
