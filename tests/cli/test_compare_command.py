@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from command_answers import documented
 
-from dynident.api.compare import methods_of, split_names
+from dynident.api.compare import jobs_that_pay, methods_of, split_names
 from dynident.case.case import read_case
 from dynident.cli.main import main
 from dynident.data.formats import write_log
@@ -169,6 +169,17 @@ def test_names_and_options_are_told_apart() -> None:
     assert found["abc"] == ESTIMATORS.make("abc", {"seed": 5})
     (stated,) = methods_of(case, "abc:seed=7", seed=5)
     assert stated.part == ESTIMATORS.make("abc", {"seed": 7})
+
+
+@pytest.mark.parametrize(
+    ("names", "processors", "jobs"),
+    [("quick", 8, 1), ("wls,clie", 8, 1), ("wls,clie,abc", 8, 2), ("clie,abc,ga:iterations=2", 2, 2)],
+)
+def test_methods_that_take_long_run_side_by_side(
+    names: str, processors: int, jobs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dynident.api.compare.usable_processors", lambda: processors)
+    assert jobs_that_pay(methods_of(read_case("case.yaml"), names)) == jobs
 
 
 @pytest.mark.parametrize(

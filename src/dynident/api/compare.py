@@ -14,7 +14,9 @@ from dynident.diagnosis.verdict import errors_in
 from dynident.errors import BadArgument, BadOption
 from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.problem.estimator import Estimator
 from dynident.identification.search.box_search import BoxSearch
+from dynident.model.threads import usable_processors
 from dynident.studies.comparison.compare import compare as compare_methods
 from dynident.studies.comparison.compare import contest_of
 from dynident.studies.comparison.contest import Contest, Method, Outcome
@@ -133,22 +135,29 @@ def methods_of(case: Case, text: str, seed: int | None = None) -> list[Method]:
     return list(found.values())
 
 
-def _work_of(name: str) -> int:
+def jobs_that_pay(methods: Sequence[Method]) -> int:
+    """Return how many methods to run side by side: one a processor, of those that take longer than a process to begin.
+
+    These simulate or search a box.
+    """
+    return max(1, min(usable_processors(), sum(_work_of(type(method.part)) > 1 for method in methods)))
+
+
+def _work_of(part: type[Estimator]) -> int:
     """Return how much work an estimator is: 0 from QR factors, 1 with the rows, 2 with simulations, 3 with a search."""
-    part = ESTIMATORS.get(name)
     if issubclass(part, BoxSearch):
         return 3
     return 2 if ".simulated." in part.__module__ else int(not part.from_triangles)
 
 
 def _by_work() -> list[str]:
-    return sorted(ESTIMATORS.names(), key=_work_of)
+    return sorted(ESTIMATORS.names(), key=lambda name: _work_of(ESTIMATORS.get(name)))
 
 
 #: Words for several estimators.
 SETS: dict[str, Callable[[], list[str]]] = {
     "all": _by_work,
-    "quick": lambda: [name for name in _by_work() if _work_of(name) < 2],
+    "quick": lambda: [name for name in _by_work() if _work_of(ESTIMATORS.get(name)) < 2],
 }
 
 

@@ -55,7 +55,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     method.add_argument("--seed", type=int, metavar="N", help="seed of the methods that are random; default: their own")
     method.add_argument("--time-limit", type=float, metavar="S", help="wall-clock time of a method; it fails after it")
     method.add_argument(
-        "--jobs", type=int, default=1, metavar="N", help="methods that run side by side; default 1, so that times count"
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="methods that run side by side; default: one a processor of those that simulate or search a box, else 1",
     )
     known = parser.add_argument_group("what is known beforehand (a case file states prior and constraints for good)")
     known.add_argument("--prior", metavar="FILE", help="robot model or estimate whose inertias are the prior")
@@ -122,6 +125,7 @@ def _solve(
     contest: Contest, methods: Sequence[Method], options: Any, progress: Progress, outcomes: list[Outcome]
 ) -> bool:
     """Fill in the outcomes as they come; return whether the user has broken it off."""
+    from dynident.api.compare import jobs_that_pay
     from dynident.results.text import format_number
     from dynident.studies.comparison.compare import compare
     from dynident.studies.comparison.comparison_view import percent
@@ -130,7 +134,7 @@ def _solve(
     try:
         progress.step("weighted least squares, the reference")
         _ = contest.least
-        limit, jobs = options.time_limit, options.jobs
+        limit, jobs = options.time_limit, jobs_that_pay(methods) if options.jobs is None else options.jobs
         for outcome in compare(contest, methods, time_limit=limit, jobs=jobs, progress=progress.step):
             outcomes.append(outcome)
             told = f"{of} {percent(outcome.figure)}" if outcome.estimate is not None else outcome.failure
