@@ -247,7 +247,8 @@ class DynamicModel(ModelMethods):
     def rotor_torque(self, motion: Motion, identified: Array) -> Array:
         """Return the torque of the rotors at the joints: known inertias and identified ones (n,), shape (N, n)."""
         coupling = np.asarray(self.robot.coupling)
-        return motion.ddq @ self.robot.reflected_inertia + (motion.ddq @ coupling.T * identified) @ coupling
+        inertia = self.robot.reflected_inertia + (coupling.T * identified) @ coupling
+        return motion.ddq @ inertia if inertia.any() else np.zeros(motion.ddq.shape)
 
     def rotors(self, theta: Array) -> Array:
         """Return the identified rotor inertia of each drive, shape (n,), in kg m^2 or kg; 0 where none is."""

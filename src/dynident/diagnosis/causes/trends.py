@@ -11,7 +11,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.diagnosis.causes.bodies_in_motion import BodiesInMotion, lean_torques
-from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_columns import CauseRows, joints_of
 from dynident.diagnosis.causes.cause_figures import about_their_bodies, figure_beside, figured, with_likeliest
 from dynident.diagnosis.causes.cause_search import CHANCE, Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.frame_errors import frame_errors
@@ -311,7 +311,7 @@ class Trends:
     def _filtered(self, found: list[Cause]) -> tuple[Cause, ...]:
         """Return causes filtered as the torques are, those that are not yet, all at once."""
         prepared, made = self.fit.rows.prepared, [cause.columns for cause in found if not cause.is_filtered]
-        columns, there = [column.transpose(0, 2, 1) for column in made], [column.any(axis=1) for column in made]
+        columns, there = [column.transpose(0, 2, 1) for column in made], [*map(joints_of, made)]
         smooth = prepared.smooth(np.concatenate([column[at] for column, at in zip(columns, there, strict=True)]))
         ends = np.cumsum([np.count_nonzero(at) for at in there])
         filtered = zip(there, np.split(smooth[:, prepared.keep], ends[:-1]), strict=True)
