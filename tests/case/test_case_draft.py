@@ -74,6 +74,7 @@ def test_logged_temperatures_of_the_drives_are_read(
     parts = [part for part in case.friction if FRICTION.name_of(part) == "temperature"]
     if kind == "warms":
         assert len(parts) == 1 and parts[0].is_optional and case.columns.temperature == tuple(names)
+        assert "not read: temperature" not in draft.text
         np.testing.assert_allclose(np.asarray(case.read(case.train[0]).temperature), values.T)
     else:
         assert not parts and not case.columns.temperature

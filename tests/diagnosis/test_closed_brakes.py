@@ -14,6 +14,7 @@ from dynident.applications.monitor.signals import signals_of
 from dynident.case.case import read_case
 from dynident.data.log import Log
 from dynident.data.preprocessing import FILTERS, default_preprocessing, preprocess
+from dynident.data.preprocessing._closed_brakes import spells_in_words
 from dynident.diagnosis.checks.closed_brakes import ClosedBrakes
 
 PAUSE = 3.0
@@ -70,3 +71,8 @@ def test_closed_brakes_are_told_where_the_arm_weighs(
     if is_told:
         assert "with closed brakes (0 to 2.9" in found[0].evidence
         assert found[0].numbers["share"] == pytest.approx(PAUSE / own.columns["t"][-1], rel=0.03)
+
+
+def test_spells_of_clocks_that_count_from_1970_are_told_apart() -> None:
+    assert spells_in_words([(1.7, 3.05)], 5) == "1.7 to 3.05 s"
+    assert spells_in_words([(1764550032.66, 1764550033.66)], 5) == "1764550032.7 to 1764550033.7 s"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from benchmarks.faults.trials import Trial, virtual
 
 from dynident.case.case import Case, read_case
@@ -58,3 +59,19 @@ def test_no_such_rows_are_made_of_a_right_log(case: Case, tmp_path: Path, monkey
 
     monkeypatch.setattr(PositionReadings, "_coupled_rows", never)
     assert not any(one.severity == "error" for one in virtual(case, rate=RATE).examined(tmp_path).findings)
+
+
+@pytest.mark.parametrize("way", [1.0, pytest.param(-1.0, marks=pytest.mark.battery)])
+def test_an_angle_that_is_counted_from_the_base_is_named_and_its_line_is_right(
+    case: Case, way: float, tmp_path: Path
+) -> None:
+    """As controllers do that count a forearm's angle from the horizontal; another scale of a position had been told."""
+    names, log = case.robot.joint_names, virtual(case, rate=RATE).columns
+    counted = {name: log[name] - way * log[name][:, [1]] * (np.arange(3) == 2) for name in ("q", "dq")}
+    trial = Trial(case, {**log, **counted})
+    (found,) = [one for one in trial.examined(tmp_path).findings if one.severity == "error"]
+    assert (found.name, found.joint, found.numbers[f"of {names[1]}"]) == ("absolute angle", names[2], way)
+    stated = yaml.safe_load(found.remedy[found.remedy.index("{") : found.remedy.rindex("}") + 1])
+    columns = replace(case.columns, **{name: tuple(one) for name, one in stated.items()})
+    right = replace(trial, case=replace(case, columns=columns))
+    assert [one.line() for one in right.examined(tmp_path).findings if one.severity != "note"] == []

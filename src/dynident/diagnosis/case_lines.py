@@ -6,9 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
+import numpy as np
+
 from dynident.data.formats._column_map import ColumnMap
 from dynident.data.formats._units import QUANTITY, UNITS, counted_unit
-from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.finding import ABSOLUTE, Finding
 from dynident.model.robot import Robot
 
 #: Units that stand for SI, of joints that turn and of those that slide.
@@ -25,7 +27,7 @@ TURNED = 200.0
 
 def has_case_line(finding: Finding) -> bool:
     """Return whether a line of the case file may obey a finding."""
-    return finding.name == "position zero" or _stated(finding) is not None or bool(_factors(finding))
+    return finding.name in ("position zero", ABSOLUTE) or _stated(finding) is not None or bool(_factors(finding))
 
 
 def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot, found: Sequence[Finding] = ()) -> Finding:
@@ -47,6 +49,8 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot, found: Se
         off = {one.joint: one.numbers["value"] for one in (*reversed(found), finding) if _is_zero(one, columns)}
         line = _zeros(columns, off)
         return replace(finding, remedy=f"{finding.remedy}; where the positions are off, state it ({line})")
+    if finding.name == ABSOLUTE and (line := _sums(finding, columns)):
+        return replace(finding, remedy=f"name the sum of both columns as its position ({line})")
     line = _turned(finding, columns, robot)
     if not line:
         return finding
@@ -56,6 +60,27 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot, found: Se
         "torque sign": f"turn the sign in the case file ({line})",
     }.get(finding.name, f"{finding.remedy}; where the columns have another scale, state it ({line})")
     return replace(finding, remedy=remedy)
+
+
+def _sums(finding: Finding, columns: ColumnMap) -> str:
+    """Return the line with a position that is the sum of two columns; empty where zeros or gears stand between."""
+    places = {name: k for k, name in enumerate(columns.joints)}
+    ((before, way),) = (
+        (name.removeprefix("of "), way) for name, way in finding.numbers.items() if name.startswith("of ")
+    )
+    if not {before, finding.joint} <= places.keys() or columns.zero or "q" in columns.motor:
+        return ""
+    signals = dict[str, str]()
+    for signal in ("q", "dq", "q_ref", "dq_ref"):
+        names = [*(getattr(columns, signal) or ())]
+        if not names:
+            continue
+        (scales,) = columns.to_si(signal, np.ones((1, len(names))))
+        factor = way * scales[places[before]] / scales[places[finding.joint]]
+        times = "" if abs(factor) == 1.0 else f"{abs(factor):.6g} * "
+        names[places[finding.joint]] += f" {'+' if factor > 0 else '-'} {times}{names[places[before]]}"
+        signals[signal] = ", ".join("'" + name.replace("'", "''") + "'" for name in names)
+    return f"log: columns: {{{', '.join(f'{signal}: [{names}]' for signal, names in signals.items())}}}"
 
 
 def _is_zero(finding: Finding, columns: ColumnMap) -> bool:

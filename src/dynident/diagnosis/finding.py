@@ -22,6 +22,9 @@ SHORT = "short log"
 #: Name of the finding of joints whose torque the model predicts worse than a constant.
 UNEXPLAINED = "torque not explained"
 
+#: Name of the finding of a position that is counted from the base.
+ABSOLUTE = "absolute angle"
+
 #: Share of a joint's residual variance that a cause explains, from which the result suffers of it.
 EXPLAINED = 0.5
 

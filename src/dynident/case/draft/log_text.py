@@ -178,7 +178,8 @@ def _others(found: Recognised, told: str) -> list[str]:
     groups = groups_of_robot(found.header, found.robot, found.stated)
     grouped = {name for group in groups for name in group.names}
     columns = {group.names: group.shown() for group in groups} | {(n,): n for n in found.header if n not in grouped}
-    read = times | {name for source in found.sources.values() for name in source.columns}
+    sources = (*found.sources.values(), *((found.temperature,) if found.temperature else ()))
+    read = times | {name for source in sources for name in source.columns}
     read |= {*found.stated.columns, *(column for name in read for column, _ in sum_of(name, found.header))}
     free = [names for names, shown in columns.items() if not read & {*names} and plain(shown) not in told]
     free.sort(key=lambda names: found.header.index(names[0]))

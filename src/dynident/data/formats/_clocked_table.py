@@ -125,8 +125,9 @@ def with_made(table: LogTable, columns: ColumnMap) -> LogTable:
         LogFormatError: A column of the sum that is the time is missing.
     """
     table = clocked(table, columns)
-    efforts = (*(columns.torque or ()), *(columns.current or ()))
-    sums = {name: sum_of(name, table.header) for name in efforts if name not in table.header}
+    signals = (columns.q, columns.dq, columns.q_ref, columns.dq_ref, columns.torque, columns.current)
+    named = (name for signal in signals for name in signal or ())
+    sums = {name: sum_of(name, table.header) for name in named if name not in table.header}
     sums = {name: parts for name, parts in sums.items() if parts}
     if not sums:
         return table

@@ -25,8 +25,8 @@ FAR = 4.0
 #: Share of a log from which on it is no pause of it.
 MOST = 0.8
 
-#: Spells that are named.
-TOLD = 5
+#: Spells that are named, and time in s from which four digits do not tell where they are, as of clocks from 1970 on.
+TOLD, ROUNDED = 5, 1e4
 
 
 def closed_brakes(log: Log) -> Array:
@@ -72,7 +72,7 @@ def brakes_closed(spells: Iterable[Iterable[float]]) -> str:
 
 def spells_in_words(spells: Iterable[Iterable[float]], most: int) -> str:
     """Return starts and ends in s, (k, 2), in words, ``most`` of them."""
-    told = [f"{start:.4g} to {end:.4g} s" for start, end in spells]
+    told = [" to ".join(f"{time:{'.4g' if time < ROUNDED else '.1f'}}" for time in spell) + " s" for spell in spells]
     return f"{', '.join(told[:most])}{', ...' * (len(told) > most)}"
 
 

@@ -19,7 +19,7 @@ from dynident.data.motor_side import gears_of
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, in_order
 from dynident.diagnosis.causes.weighted_fit import EXACT, Products
-from dynident.diagnosis.finding import listed
+from dynident.diagnosis.finding import ABSOLUTE, listed
 from dynident.diagnosis.new_log import IN_MEMORY
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
@@ -199,7 +199,7 @@ class PositionReadings:
         self.fit, self.made = fit, made
         self._names = fit.model.robot.joint_names
         self._products: dict[tuple[tuple[int, ...], tuple[float, ...]], Products] = {}
-        self._of_coupled: dict[tuple[int, int, float], Products] = {}
+        self._of_coupled: dict[tuple[float, ...], Products] = {}
 
     def found(self, wrong: BoolArray, feeds: BoolArray) -> Iterator[Interpretation]:
         """Yield the readings under which the log agrees far better.
@@ -243,6 +243,7 @@ class PositionReadings:
             for joint, motor in pairwise(plain):
                 if (wrong[joint] or wrong[motor]) and turning[joint] and turning[motor]:
                     yield from self._of_motors(joint, motor)
+                    yield from self._absolute(joint, motor)
         if turning.all() and most:
             remedy = "state the unit in the case file (log: units: {position: deg})"
             yield from self._read(plain, np.deg2rad(ones), "positions in degrees", (), remedy)
@@ -321,6 +322,38 @@ class PositionReadings:
             numbers = {f"entry {motor + 1}, {joint + 1}": way}
             reading = ReadRows(self._coupled_rows(coupling), coupling.T)
             yield Interpretation("coupling", tuple(names[i] for i in touched), gain, how, remedy, reading, numbers)
+
+    def _absolute(self, before: int, joint: int) -> Iterator[Interpretation]:
+        """Yield a log whose position of a joint is counted from the base, as if the joint before it stood still.
+
+        So does a controller that states the angle of a forearm against the horizontal. Torques are those of joints.
+        """
+        fit, names, size = self.fit, self._names, len(self._names)
+        for way in (1.0, -1.0):
+            key, summed = (before, joint, way, 0.0), np.eye(size)
+            summed[joint, before] = way
+            if key not in self._of_coupled:
+                self._of_coupled[key] = fit.products_of(self._summed_rows(summed))
+            solved = fit.solve(self._of_coupled[key])
+            gain = fit.plain.score - solved.score
+            if gain <= GAIN + 1.0 or not _explained(fit, solved.variances, np.eye(size), (before, joint)):
+                continue
+            if feeding(*fit.friction_power(solved)).any():
+                continue
+            word = "plus" if way > 0 else "less"
+            how = (
+                f"with its position {word} that of {names[before]}, as a controller counts an angle from the base and "
+                "not from the link before,"
+            )
+            remedy = "name the sum of both columns as its position (log: columns: {q: [..., a + b, ...]})"
+            reading = ReadRows(self._summed_rows(summed), np.eye(size))
+            numbers = {f"of {names[before]}": way}
+            yield Interpretation(ABSOLUTE, (names[joint],), gain, how, remedy, reading, numbers)
+
+    def _summed_rows(self, summed: Array) -> FitRows:
+        """Return the rows with positions that are sums of those of the log, by a matrix (n, n): the same rows."""
+        rows = self.fit.rows_of(replace(self.fit.log, q=np.asarray(self.fit.log.q) @ summed.T))
+        return replace(rows, masks=self.fit.rows.masks)
 
     def _coupled_rows(self, coupling: Array) -> FitRows:
         """Return the rows of a log of motors with a coupling (n, n): bodies at the joints, friction as logged."""
