@@ -169,3 +169,16 @@ def test_one_joint_beyond_its_limits_in_radians_is_no_arm_of_two_units(robot: Ro
     assert not told.certain and told.text == "" and "where units differ" not in told.why
     assert "4 of 5 joints are within them as rad" in told.why
     assert "A2 leaves its limits" in told.why and told.why.endswith("correct these limits or the order of the columns")
+
+
+def test_joints_at_rest_do_not_outvote_those_that_move_in_radians(robot: Robot) -> None:
+    """Of a humanoid one arm moves; columns in another order had been offered in degrees for 32 of 39 joints."""
+    limits = JointLimits(lower=-1.0, upper=1.0, velocity=2.0, effort=50.0)
+    joints = [replace(joint, name=f"A{k}", limits=limits) for k, joint in enumerate(robot.joints)]
+    q = np.tile([1.5, 1.4, -1.5, 0.2, 0.0, 0.0], (200, 1))
+    q[:, 4:] += np.sin(np.linspace(0, 6, 200))[:, None] * [0.9, 0.8]
+    told = position_unit(q, joints, "")
+    assert not told.certain and told.text == "" and "where units differ" not in told.why
+    assert "2 of 2 joints that move are within them as rad" in told.why
+    assert told.why.endswith("correct these limits or the order of the columns")
+    assert position_unit(np.degrees(q / 2), joints, "").text == "deg"

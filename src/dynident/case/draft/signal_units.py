@@ -132,10 +132,12 @@ def _of_counts(q: Array, joints: Sequence[Joint]) -> str:
 def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], units: tuple[str, str]) -> str:
     """Return what is said of joints that move as a joint does in SI units, and hardly at all in the others' unit.
 
-    Where these are most, the other joints are beyond limits that are not theirs: units seldom differ on one arm.
+    Where these are most of those that move, the other joints are beyond limits that are not theirs: units seldom differ
+    on one arm.
     """
     si, other = units
     spans, factor = np.ptp(q, axis=0), factor_of("position", other)
+    moving = [k for k in mine if spans[k] >= _TELLING]
     doubtful = [
         k
         for k in mine
@@ -145,9 +147,12 @@ def _of_either_unit(q: Array, joints: Sequence[Joint], mine: Sequence[int], unit
     if not doubtful or len(doubtful) == len(mine):
         return ""
     names = ", ".join(joints[k].name for k in doubtful)
-    if 2 * len(doubtful) > len(mine):
+    if 2 * len(doubtful) > len(moving):
         beyond = "; ".join(outside_limits([joints[k] for k in mine], q[:, mine]))
-        told = f"{len(doubtful)} of {len(mine)} joints are within them as {si}, and as {other} move"
+        told = (
+            f"{len(doubtful)} of {len(moving)} joints{' that move' * (len(moving) < len(mine))} are within them as {si}"
+        )
+        told += f", and as {other} move"
         told += f" {spans[doubtful].max():.3g} {other} at most"
         return f"; {told}; {beyond}: correct these limits or the order of the columns"
     each = ", ".join(si if k in doubtful else other for k in range(len(joints)))
