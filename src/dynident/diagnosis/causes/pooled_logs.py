@@ -117,12 +117,11 @@ def pooled_logs(fits: Sequence[QuickFit | None]) -> AlikeLogs:
     pooled = pooled_fit(known)
     if not pooled.has_rows_enough:
         return AlikeLogs()
-    kept, told = _alike(pooled, part_products(pooled, log_of_rows(pooled), len(known)))
+    kept, told = _alike(pooled, _products(pooled))
     ratios = np.ones((len(fits), told.shape[1]))
     ratios[there] = told
     others = kept if kept.any() else np.ones(len(kept), bool)
-    which = log_of_rows(pooled)
-    apart = {k: with_own_friction(pooled, which == k, others[which]) for k in np.flatnonzero(~kept).tolist()}
+    apart = {k: _with_own_friction(pooled, k, others) for k in np.flatnonzero(~kept).tolist()}
     contradicts = tuple(there[k] for k, own in apart.items() if own.contradicts)
     speeds = tuple(there[k] for k, own in apart.items() if own.explains and _has_other_speeds(pooled, k, told[k]))
     if kept.sum() < 2:
@@ -138,7 +137,7 @@ def alike_parts(fits: Sequence[QuickFit]) -> tuple[BoolArray, Array]:
     Args:
         fits: Of each part, of one log or several.
     """
-    return _alike(fits[0], [part_products(fit, np.zeros(len(fit.rows.masks), int), 1)[0] for fit in fits])
+    return _alike(fits[0], [TargetProducts.summed(_products(fit)) for fit in fits])
 
 
 def unlike_finding(
@@ -199,33 +198,32 @@ def _alike(fit: QuickFit, logs: Sequence[TargetProducts]) -> tuple[BoolArray, Ar
 
 
 @dataclass(frozen=True)
-class OwnFriction:
+class _OwnFriction:
     """A log under bodies that it shares with others, with friction and offsets of its own, as of another day.
 
     Attributes:
         explains: Whether that explains it about as well as bodies of its own.
         contradicts: Whether its bodies surely are others: what is left is much of a joint's torque, and far more than
             with bodies of its own.
-        times: Residual of each joint at which they contradict, over that with bodies of its own; 0 of others, (n,).
     """
 
     explains: bool
     contradicts: bool
-    times: Array
 
 
 def _has_other_speeds(fit: QuickFit, k: int, ratios: Array) -> bool:
     """Return whether joints at which log k of a fit is unlike the others, by ``ratios`` (n,), have far other speeds."""
-    speeds, here = motion_of(fit.rows.prepared.kept).dq ** 2, log_of_rows(fit) == k
+    speeds, here = motion_of(fit.rows.prepared.kept).dq ** 2, _which(fit) == k
     own, others = (np.mean(speeds[part], axis=0) for part in (here, ~here))
     apart = np.abs(np.log(np.maximum(own, 1e-300) / np.maximum(others, 1e-300))) > 2.0 * np.log(OTHER_SPEED)
     return bool(np.all(apart[ratios > UNLIKE]))
 
 
-def with_own_friction(fit: QuickFit, here: BoolArray, others: BoolArray) -> OwnFriction:
-    """Return what bodies of ``others`` and friction of its own leave of the rows of a log ``here``, shape (N,) each."""
-    rows, size = fit.rows, fit.base.count
-    masks, used = rows.masks & here[:, None], here | others
+def _with_own_friction(fit: QuickFit, k: int, others: BoolArray) -> _OwnFriction:
+    """Return what bodies of the ``others`` (L,) and friction of its own leave of log k of a pooled fit."""
+    rows, which, size = fit.rows, _which(fit), fit.base.count
+    here = which == k
+    masks, used = rows.masks & here[:, None], here | others[which]
     blocks, columns = list[Array](), list[IntArray]()
     for block, own in zip(rows.blocks, rows.columns, strict=True):
         is_friction = fit.base.is_friction[own]
@@ -241,17 +239,16 @@ def with_own_friction(fit: QuickFit, here: BoolArray, others: BoolArray) -> OwnF
     size_of = np.sum(torque**2, axis=0) / counts - (torque.sum(axis=0) / counts) ** 2
     tells = counts / OVERSAMPLING > 2.0 * np.array([len(own) for own in columns])
     contradicts = tells & (shared > MUCH**2 * size_of) & (shared > FAR**2 * alone)
-    times = np.where(contradicts, np.sqrt(shared / np.maximum(alone, 1e-300)), 0.0)
-    return OwnFriction(not np.any(tells & (shared > UNLIKE * alone)), bool(contradicts.any()), times)
+    return _OwnFriction(not np.any(tells & (shared > UNLIKE * alone)), bool(contradicts.any()))
 
 
-def log_of_rows(fit: QuickFit) -> IntArray:
+def _which(fit: QuickFit) -> IntArray:
     """Return the number of the log of each row of a fit, shape (N,)."""
-    return np.maximum(np.searchsorted(fit.starts, np.asarray(fit.rows.prepared.kept.time), side="right") - 1, 0)
+    return np.searchsorted(fit.starts, np.asarray(fit.rows.prepared.kept.time), side="right") - 1
 
 
-def part_products(fit: QuickFit, which: IntArray, count: int) -> list[TargetProducts]:
-    """Return the products of so many parts of a fit, by the number of the part of each row (N,)."""
-    rows = fit.rows
+def _products(fit: QuickFit) -> list[TargetProducts]:
+    """Return the products of each log of a fit."""
+    rows, which = fit.rows, _which(fit)
     read = ReadRows(rows, np.eye(fit.model.robot.dof))
-    return [read.products(rows.masks & (which == k)[:, None]) for k in range(count)]
+    return [read.products(rows.masks & (which == k)[:, None]) for k in range(len(fit.starts))]

@@ -52,7 +52,7 @@ class Contact(Check):
     #: What such a part looks like besides.
     explains: ClassVar[tuple[str, ...]] = (
         *(name for name in CONSEQUENCES if name != "end stop"),
-        *(UNLIKE_OTHERS, "another robot", "torque scale of all", "coupling", "robot model differs", "parameter change"),
+        *(UNLIKE_OTHERS, "another robot", "torque scale of all", "coupling", "robot model differs"),
     )
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
