@@ -116,6 +116,7 @@ def _counterbalance(finding: Finding, trial: Trial) -> Stated:
 
 _READ: Mapping[str, Callable[[Finding, Trial], Stated]] = {
     "time scale": _clock,
+    "two clocks": lambda finding, trial: Stated(1.0 + finding.numbers["value"], finding.numbers["half_width"], 1.0),
     "torque scale": _scale,
     "torque unit": lambda finding, trial: Stated(finding.numbers["ratio"], finding.numbers["half_width"], 1.0),
     "torque delay": _delay,

@@ -106,6 +106,13 @@ def delayed(trial: Trial, samples: float, name: str = "tau") -> Trial:
     return trial.with_columns(**{name: np.stack([np.interp(t - seconds, t, v) for v in trial.columns[name].T], axis=1)})
 
 
+def two_clocks(trial: Trial, ratio: float) -> Trial:
+    """Let the clock of the torques run ``ratio`` times as fast as that of the positions."""
+    t = trial.columns["t"]
+    at = t[0] + (t - t[0]) / ratio
+    return trial.with_columns(tau=np.stack([np.interp(at, t, v) for v in trial.columns["tau"].T], axis=1))
+
+
 def clipped(trial: Trial, s: float, g: np.random.Generator) -> Trial:
     return of_joint(trial, "tau", heaviest(trial), lambda v: np.minimum(v, np.quantile(v, 1 - s)))
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dynident.data.formats import ColumnMap, read_log, stream_log
 from dynident.data.log import Log, Source, torque_from_current
 from dynident.errors import BadOption, LogMismatch
 
@@ -135,3 +138,19 @@ def test_currents_without_gains_and_gains_without_currents():
     with pytest.raises(LogMismatch) as caught:
         torque_from_current(Log(("a",), [0.0], [[0.0]]), {"a": 1.0})
     assert str(caught.value) == "simulated log: no motor currents; map them with 'current' in the case file"
+
+
+def test_torques_of_another_clock_are_put_at_the_times_of_the_positions(tmp_path):
+    """A clock 1.02 times as fast shows 1.02 s where that of the positions shows 1 s; the end has no torque then."""
+    time = np.arange(200) * 0.01
+    table = np.column_stack([time, np.sin(time), np.cos(time / 1.02)])
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t,q1,tau1", comments="")
+    log = read_log(tmp_path / "run.csv", ColumnMap(torque_clock=1.02))
+    assert log.samples == 196
+    np.testing.assert_allclose(log.q[:, 0], np.sin(log.time))
+    np.testing.assert_allclose(np.asarray(log.torque)[:, 0], np.cos(log.time), atol=2e-5)
+    with closing(stream_log(tmp_path / "run.csv", ColumnMap(torque_clock=1.02))) as stream:
+        with pytest.raises(BadOption, match=r"torque_clock = 1\.02 is not possible; a log that is read row by row"):
+            next(iter(stream.blocks()))
+    with pytest.raises(BadOption, match=r"a ratio between 0\.9 and 1\.1"):
+        ColumnMap(torque_clock=2.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -50,13 +51,31 @@ def tilted(trial: Trial) -> Trial:
 
 @pytest.mark.parametrize(
     ("name", "fault", "wanted", "near"),
-    [("time scale", lambda trial: put.timed(trial, 1.1), 1.1, 2.5e-3), ("tilt", tilted, [0.0, 0.0, -9.81], 3e-3)],
+    [
+        ("time scale", lambda trial: put.timed(trial, 1.1), 1.1, 2.5e-3),
+        ("two clocks", lambda trial: put.two_clocks(trial, 1.01), 1.01, 1e-4),
+        ("tilt", tilted, [0.0, 0.0, -9.81], 3e-3),
+    ],
 )
 def test_figures_hold_far_from_where_their_columns_are_straight_lines(
     name: str, fault: Callable[[Trial], Trial], wanted: float | list[float], near: float, tmp_path: Path
 ) -> None:
     value, half = figure(fault(virtual(read_case("generic-6r"))), name, tmp_path)
     assert np.linalg.norm(value - np.atleast_1d(wanted)) < near and half < 15 * near
+
+
+@pytest.mark.parametrize("ratio", [1.002, 0.998])
+def test_the_line_of_the_case_puts_torques_of_another_clock_right(ratio: float, tmp_path: Path) -> None:
+    """Neither the right log nor one whose friction falls as it warms up has two clocks."""
+    right = virtual(read_case("generic-6r"))
+    wrong = put.two_clocks(right, ratio)
+    (found,) = [one for one in wrong.examined(tmp_path).findings if one.name == "two clocks"]
+    line = re.search(r"log: torque_clock: (\S+), with preprocessing: delay_s: auto", found.remedy)
+    assert line and found.severity == "warning" and abs(float(line[1]) - ratio) < 1e-4
+    columns = replace(wrong.case.columns, torque_clock=float(line[1]))
+    stated = replace(wrong, case=replace(wrong.case, columns=columns))
+    for trial in (stated, right, put.warming(right, 0.05, np.random.default_rng(0))):
+        assert not [one for one in trial.examined(tmp_path).findings if one.name == "two clocks"]
 
 
 def bent(trial: Trial) -> Trial:

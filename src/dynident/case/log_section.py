@@ -20,7 +20,7 @@ from dynident.model.robot import Robot
 from dynident.robot_files.leaders import followed, led_by
 
 _LOG_KEYS = ("profile", "format", "columns", "units", "decimal", "rated", "side", "zero")
-_LOG_KEYS += ("wrapped", "repeats", "force")
+_LOG_KEYS += ("wrapped", "torque_clock", "repeats", "force")
 _COLUMN_KEYS = ("time", "q", "dq", "ddq", "torque", "current", "temperature", "q_ref", "dq_ref")
 _UNIT_KEYS = ("time", "position", "velocity", "acceleration", "torque", "current")
 
@@ -78,6 +78,8 @@ def read_columns(top: Section, robot: Robot) -> ColumnMap:
             found[key] = tuple(log.numbers(key, len(joints)))
     if log.has("wrapped"):
         found["wrapped"] = _wrapped(log, joints, robot)
+    if log.has("torque_clock"):
+        found["torque_clock"] = log.number("torque_clock")
     if log.has("force"):
         found["force"] = texts(log, "force")
     if log.has("format"):

@@ -136,6 +136,23 @@ class Log(ShortText):
         )
         return replace(self.rows(slice(start, stop), step), before=motion.rows(slice(start + 1), "before"))
 
+    def on_one_clock(self, ratio: float) -> Log:
+        """Return the log with torques and currents of a clock ``ratio`` times as fast at the times of the positions.
+
+        Both clocks showed the same at the first sample; in between, values are on straight lines. Rows at the end whose
+        torque was logged after the last row are left out.
+        """
+        if ratio == 1.0:
+            return self
+        time = self.time[0] + ratio * (self.time - self.time[0])
+        moved = {
+            name: np.column_stack([np.interp(time, self.time, column) for column in values.T])
+            for name, values in self.signals().items()
+            if name in ("torque", "current", "raw_torque")
+        }
+        step = f"torques of a clock {ratio:.6g} times as fast put beside positions"
+        return replace(self, **moved).rows(time <= self.time[-1], step)
+
     def ordered(self, joints: Sequence[str]) -> Log:
         """Return the columns in the order of ``joints``, matched by name.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.data.formats._column_map import ColumnMap
 from dynident.data.formats._units import QUANTITY, UNITS, counted_unit
-from dynident.diagnosis.finding import ABSOLUTE, Finding
+from dynident.diagnosis.finding import ABSOLUTE, CLOCKS, Finding
 from dynident.model.robot import Robot
 
 #: Units that stand for SI, of joints that turn and of those that slide.
@@ -27,7 +27,8 @@ TURNED = 200.0
 
 def has_case_line(finding: Finding) -> bool:
     """Return whether a line of the case file may obey a finding."""
-    return finding.name in ("position zero", ABSOLUTE) or _stated(finding) is not None or bool(_factors(finding))
+    told = finding.name in ("position zero", ABSOLUTE, CLOCKS)
+    return told or _stated(finding) is not None or bool(_factors(finding))
 
 
 def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot, found: Sequence[Finding] = ()) -> Finding:
@@ -51,6 +52,10 @@ def with_case_line(finding: Finding, columns: ColumnMap, robot: Robot, found: Se
         return replace(finding, remedy=f"{finding.remedy}; where the positions are off, state it ({line})")
     if finding.name == ABSOLUTE and (line := _sums(finding, columns)):
         return replace(finding, remedy=f"name the sum of both columns as its position ({line})")
+    if finding.name == CLOCKS:
+        ratio = columns.torque_clock * (1.0 + finding.numbers["value"])
+        line = f"log: torque_clock: {ratio:.6g}, with preprocessing: delay_s: auto"
+        return replace(finding, remedy=f"record both with the clock of one computer, or state it ({line})")
     line = _turned(finding, columns, robot)
     if not line:
         return finding

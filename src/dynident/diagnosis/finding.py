@@ -31,6 +31,9 @@ EXPLAINED = 0.5
 #: Share of the variation of a joint's torque, root mean squares, from which next to nothing of it is explained.
 LOST = 0.75
 
+#: Positions and torques whose clocks run apart: a delay of all torques that grows along the log.
+CLOCKS = "two clocks"
+
 #: What follows from a wrong sign, order, scale, coupling or mounting, and is not told beside it.
 CONSEQUENCES = (
     "torque scale",
@@ -42,6 +45,7 @@ CONSEQUENCES = (
     "position zero",
     "position scale",
     "time scale",
+    CLOCKS,
     "spring",
     "rotor inertia",
     "counterbalance",

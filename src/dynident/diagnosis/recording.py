@@ -82,9 +82,11 @@ def read_recording(case: Case, name: str) -> Recording:
         time = columns.time_to_si(values[:, 0])
     source = Source(table.path, table.sha256, len(values))
     log = Log(columns.joints, time, source=source, **signals)
+    if np.all(np.diff(time) > 0.0):
+        log = log.on_one_clock(columns.torque_clock)
     with np.errstate(all="ignore"):
         log, off = _at_joints(case, log)
-    return Recording(log, table, columns, np.arange(len(values)), off)
+    return Recording(log, table, columns, np.arange(log.samples), off)
 
 
 def recording_of(case: Case, log: Log) -> Recording:

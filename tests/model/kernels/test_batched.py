@@ -12,6 +12,7 @@ import pytest
 from random_arms import Arm, pinocchio_model, random_arm
 
 from dynident.arrays import Array
+from dynident.diagnosis.causes.bodies_in_motion import weight_torques
 from dynident.errors import BadOption
 from dynident.model.kernels import batched
 from dynident.model.kernels.compiled import lanes
@@ -57,7 +58,7 @@ def test_dynamics_agree_with_pinocchio(arm: Arm) -> None:
 
 def test_weight_is_the_torque_at_rest_under_any_gravity(arm: Arm) -> None:
     (q, _, _), fields = arm.states(5), np.array([[0.0, 0.0, -9.81], [3.0, -1.0, 2.0]])
-    found = batched.weight_torques(arm.chain, arm.theta, q, fields)
+    found = weight_torques(arm.chain, arm.theta, q, fields)
     for field, torque in zip(fields, found, strict=True):
         chain = replace(arm.chain, gravity=field)
         assert error(torque, batched.inverse_dynamics(chain, arm.theta, q, 0.0 * q, 0.0 * q)) < 1e-12

@@ -26,6 +26,9 @@ NUMBERED = {
     "q_ref": "q_ref",
     "dq_ref": "dq_ref",
 }
+#: Clocks whose speeds differ by a larger share are another fault.
+MOST_APART = 0.1
+
 _NUMBER = re.compile(r"[1-9][0-9]{0,3}")
 
 
@@ -58,6 +61,7 @@ class ColumnMap:
         motor: Signals that are on the side of the motors; :func:`dynident.data.motor_side.joint_side` turns them.
         zero: Position in rad or m that is added to the positions of each joint; empty for none.
         wrapped: Joints whose positions start again after a whole turn; their turns are counted on.
+        torque_clock: How many times as fast as that of the positions the clock of torques and currents ran.
         repeats: ``drop`` leaves rows out that repeat the row before them, ``refuse`` takes them for a fault.
         form: Format of the files; empty for the one by their suffix.
         form_options: Its options, as name and text.
@@ -86,6 +90,7 @@ class ColumnMap:
     motor: tuple[str, ...] = ()
     zero: tuple[float, ...] = ()
     wrapped: tuple[str, ...] = ()
+    torque_clock: float = 1.0
     repeats: str = "refuse"
     form: str = ""
     form_options: tuple[tuple[str, str | None], ...] = ()
@@ -105,6 +110,9 @@ class ColumnMap:
                 object.__setattr__(self, name, tuple(names))
         if self.repeats not in ("refuse", "drop"):
             raise BadOption("repeats", self.repeats, "choose 'refuse' or 'drop'")
+        if not abs(self.torque_clock - 1.0) < MOST_APART:
+            step = f"give a ratio between {1.0 - MOST_APART:g} and {1.0 + MOST_APART:g}"
+            raise BadOption("torque_clock", self.torque_clock, step)
         if self.q == ():
             raise BadOption("q", [], "name the columns of the positions")
         self._check_lengths()

@@ -14,7 +14,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.formats._column_map import NUMBERED, ColumnMap, shown
 from dynident.data.log import Log, Source
-from dynident.errors import LogFormatError, LogMismatch
+from dynident.errors import BadOption, LogFormatError, LogMismatch
 from dynident.files import size_of_file
 
 #: Fewer rows than this are no log.
@@ -125,10 +125,10 @@ def log_of(table: LogTable, columns: ColumnMap) -> Log:
     """
     chosen = columns.resolved(table.header, table.path, table.line)
     values, notes = table.read(names_of(chosen))
-    checked = Checked(table, chosen)
+    checked = Checked(table, chosen, is_whole=True)
     log = checked.block(values)
     checked.end()
-    return replace(log, source=checked.source(notes))
+    return replace(log, source=checked.source(notes)).on_one_clock(chosen.torque_clock)
 
 
 def check_size(path: str | Path, most: int, step: str) -> None:
@@ -172,7 +172,10 @@ class Checked:
         rows: Rows seen so far.
     """
 
-    def __init__(self, table: LogTable, columns: ColumnMap) -> None:
+    def __init__(self, table: LogTable, columns: ColumnMap, is_whole: bool = False) -> None:
+        if columns.torque_clock != 1.0 and not is_whole:
+            step = "a log that is read row by row has torques of the clock of its positions: correct their times before"
+            raise BadOption("torque_clock", columns.torque_clock, step)
         self.rows = 0
         self._table, self._columns, self._names = table, columns, names_of(columns)
         self._last: float | None = None

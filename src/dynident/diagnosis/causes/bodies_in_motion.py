@@ -10,11 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
-from dynident.model.kernels.batched import weight_torques
+from dynident.model.kernels.batched import inverse_dynamics
+from dynident.model.kernels.generated import chain_kernel
+from dynident.model.kernels.inputs import parameters, samples
+from dynident.model.robot import Chain
 
 #: Steps of the finite differences: of positions in rad or m, of their scale and by the clock, shares.
 SHIFT, STRETCH_STEP, CLOCK_STEP = 1e-3, 1e-3, 1e-3
@@ -108,6 +112,21 @@ class BodiesInMotion:
         return self.regressor.model.torque(motion_of(log), self.regressor.base.to_standard(self.bodies))
 
 
+def apart(torque: Array, time: Array, clock: Array, growth: float = 0.0) -> Array:
+    """Return what a delay of all torques that grows along the log adds over its growth in s per s, shape (N, n).
+
+    Args:
+        torque: As predicted, friction with it, shape (N, n).
+        time: In s, shape (N,).
+        clock: The same since the log began in which each sample is, shape (N,); the delay is zero at its mean.
+        growth: For which it is a secant; 0 for the straight line.
+    """
+    since = (clock - clock.mean())[:, None]
+    if not growth:
+        return -np.gradient(torque, time, axis=0) * since
+    return np.stack([np.interp(time - growth * since[:, 0], time, own) - own for own in torque.T], axis=1) / growth
+
+
 def lean_torques(regressor: RegressorStream, log: Log, beta: Array) -> Array:
     """Return the torques of bodies by a lean of the base about both axes across gravity, per radian, shape (2, N, n).
 
@@ -120,6 +139,28 @@ def lean_torques(regressor: RegressorStream, log: Log, beta: Array) -> Array:
     gravity, bodies = np.asarray(model.robot.gravity), regressor.base.to_standard(beta)[: model.inertial_count]
     pulls = float(np.linalg.norm(gravity)) * across_gravity(gravity)
     return weight_torques(model.robot.chain, bodies, log.q, pulls)
+
+
+def weight_torques(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, fields: npt.ArrayLike) -> Array:
+    """Return the joint torques at rest under other gravities than that of the chain, shape (m, N, n), in N m or N.
+
+    Args:
+        chain: The robot.
+        theta: Inertial parameters, shape (10 l,); physical or not.
+        q: Positions, shape (N, n).
+        fields: The gravities in m/s^2, shape (m, 3), which share one kernel.
+
+    Raises:
+        ValueError: A shape is wrong.
+    """
+    (q,), theta, fields = samples(chain, {"q": q}), parameters(chain, theta), np.array(fields, dtype=np.float64)
+    kernel, still = chain_kernel(replace(chain, gravity=np.zeros(3)), "weight"), np.zeros_like(q)
+    if kernel is None:
+        return np.stack([inverse_dynamics(replace(chain, gravity=own), theta, q, still, still) for own in fields])
+    out = np.empty((len(fields), len(q), chain.joints))
+    for field, own in zip(fields, out, strict=True):
+        kernel.run((theta, field, q), (own,), len(q))
+    return out
 
 
 def leaned(gravity: Array, lean: Array) -> Array:

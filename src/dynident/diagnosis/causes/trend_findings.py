@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from dynident.case.evidence.torques import agrees
+from dynident.data.formats._column_map import MOST_APART
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.frame_search import frame_findings
 from dynident.diagnosis.causes.position_spectrum import RIPPLE
@@ -16,7 +17,7 @@ from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trend_texts import NARROW, TEXTS, Z95, wave
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, STRETCH, ZERO, Trends
-from dynident.diagnosis.finding import EXPLAINED, Finding, Severity
+from dynident.diagnosis.finding import CLOCKS, EXPLAINED, Finding, Severity
 
 #: Share of the joint's torque that a cause has, or of all torques where it acts on the whole arm or on what all bodies
 #: behind a joint are, from which the result suffers.
@@ -32,7 +33,7 @@ FAR_SCALE = 0.5
 #: Share of the torque above which a cause is a column that others nearly cancel.
 ABSURD = 10.0
 
-#: Share of a joint's torque below which a delay of its own is not told.
+#: Share of a joint's torque, or of all, below which a delay of its own, or one that grows along the log, is not told.
 LATE = 0.01
 
 #: Share of a joint's residual variance below which its elasticity or the hysteresis of its torque is not told.
@@ -136,11 +137,8 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
     known beforehand decide: of all torques up to where the check of their unit does. Far below, at none, errors of the
     bodies would be all of the bodies.
     """
-    if blame.cause.name == "time scale":
-        if abs(float(blame.values[0])) >= FAR_CLOCK or sureness(blame) < TOLD:
-            return None
-        speed = float(np.sqrt(1.0 + 2.0 * blame.values[0]))
-        return replace(blame, values=np.array([speed - 1.0]), covariance=blame.covariance / speed**2)
+    if blame.cause.name in ("time scale", CLOCKS):
+        return _with_speed(blame)
     if blame.cause.name != "torque scale":
         none = blame.size > ABSURD or (blame.cause.is_positive and blame.values[0] <= 0.0)
         none = none or (blame.cause.name == DELAY and blame.size < LATE)
@@ -160,6 +158,20 @@ def believed(blame: Blame, scale_of: ScaleOf = lambda joint: None) -> Blame | No
     deviation = scale.spread / (Z95 * scale.factor)
     value = 1 / scale.factor - 1
     return replace(blame, values=np.array([value]), covariance=np.array([[deviation**2]]), size=abs(value))
+
+
+def _with_speed(blame: Blame) -> Blame | None:
+    """Return a cause with the speed of a clock, less 1, in place of its coefficient; None where it is not told.
+
+    A delay that grows by 1 s in N s is that of a clock that shows N s in N - 1 s.
+    """
+    value = float(blame.values[0])
+    if sureness(blame) < TOLD or (blame.size < LATE if blame.cause.name == CLOCKS else abs(value) >= FAR_CLOCK):
+        return None
+    speed = 1.0 / (1.0 - value) if blame.cause.name == CLOCKS else float(np.sqrt(1.0 + 2.0 * value))
+    slope = speed**2 if blame.cause.name == CLOCKS else 1.0 / speed
+    told = replace(blame, values=np.array([speed - 1.0]), covariance=blame.covariance * slope**2)
+    return None if blame.cause.name == CLOCKS and abs(speed - 1.0) >= MOST_APART else told
 
 
 def trend_finding(blame: Blame, fit: QuickFit) -> Finding:

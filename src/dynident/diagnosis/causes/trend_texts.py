@@ -12,6 +12,7 @@ from dynident.diagnosis.causes.cause_search import MANY, Blame
 from dynident.diagnosis.causes.position_spectrum import RIPPLE
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, STRETCH, ZERO
+from dynident.diagnosis.finding import CLOCKS
 from dynident.model.friction import FRICTION
 from dynident.model.joint import Joint
 
@@ -158,6 +159,17 @@ def _torque_delay(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     return evidence, f"{remedy} (preprocessing: delay_s shifts all joints alike)"
 
 
+def _two_clocks(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    rate, half = float(blame.values[0]), float(blame.half_widths[0])
+    word, seconds = "fast" if rate > 0 else "slow", float(np.ptp(fit.clock(np.asarray(fit.rows.prepared.kept.time))))
+    evidence = (
+        f"the clock of torques runs {100 * abs(rate):.3g} +- {100 * half:.1g} % too {word} for that of positions: "
+        f"the delay of torques {'grows' if rate > 0 else 'falls'} by {1e3 * abs(rate) * seconds:.3g} ms along the log"
+    )
+    line = f"np.interp(t[0] + {1.0 + rate:.6g} * (t - t[0]), t, tau[:, j])"
+    return evidence, f"record both with the clock of one computer, or put torques at the times of positions ({line})"
+
+
 def _elastic(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     low, high = (float(blame.values[0] + way * blame.half_widths[0]) for way in (-1.0, 1.0))
     unit = "N/m" if _joint(blame, fit).kind == "prismatic" else "N m/rad"
@@ -220,6 +232,7 @@ TEXTS: dict[str, Callable[[Blame, QuickFit], tuple[str, str]]] = {
     "friction curve": _friction_curve,
     "time scale": _time_scale,
     "torque scale": _torque_scale,
+    CLOCKS: _two_clocks,
     DELAY: _torque_delay,
     "tilt": _tilt,
     ELASTIC: _elastic,

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.log import Log
-from dynident.diagnosis.causes.bodies_in_motion import BodiesInMotion, lean_torques
+from dynident.diagnosis.causes.bodies_in_motion import BodiesInMotion, apart, lean_torques
 from dynident.diagnosis.causes.cause_columns import CauseRows, joints_of
 from dynident.diagnosis.causes.cause_figures import about_their_bodies, figure_beside, figured, with_likeliest
 from dynident.diagnosis.causes.cause_search import CHANCE, Blame, Cause, CauseSearch
@@ -20,6 +20,7 @@ from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.model_error import FitErrors, ModelError
 from dynident.diagnosis.causes.position_spectrum import RIPPLE, ripples
 from dynident.diagnosis.causes.quick_fit import OVERSAMPLING, QuickFit
+from dynident.diagnosis.finding import CLOCKS
 from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.residuals.quantiles import chi_square_tail
 
@@ -193,7 +194,7 @@ class Trends:
         search = self._tangents
         found = search.blames()
         before = [blame.cause for blame in found]
-        if not any(cause.name in CURVED for cause in before):
+        if not any(cause.name in (*CURVED, CLOCKS) for cause in before):
             return search, found
         after, curved = about_their_bodies(self.rows, before, self.made_again)
         numbers = {id(cause): k for k, cause in enumerate(search.causes)}
@@ -253,7 +254,9 @@ class Trends:
         made, log = list[Cause](), self._log
         for cause, own in zip(causes, values, strict=True):
             if cause.name == "tilt":
-                column = self._tilt(beta)
+                column = _cause("tilt", "", *lean_torques(self.fit.regressor, self._log, beta))
+            elif cause.name == CLOCKS:
+                column = self._apart(beta, float(own[0]))
             elif cause.name in (*CURVED, "time scale"):
                 late = with_friction and cause.name == DELAY
                 friction = CauseSearch(self.rows, [cause]).fit([0]).beta[: self.rows.size] if late else 0.0
@@ -344,9 +347,7 @@ class Trends:
             if name not in bent:
                 yield _cause("spring", name, self._at_joint(i, q[:, i] - q[:, i].mean()))
             if name not in bent and joint.kind == "revolute":
-                yield _cause(
-                    "counterbalance", name, self._at_joint(i, np.sin(q[:, i])), self._at_joint(i, np.cos(q[:, i]))
-                )
+                yield _cause("counterbalance", name, *(self._at_joint(i, wave(q[:, i])) for wave in (np.sin, np.cos)))
             if name not in rotors:
                 yield replace(_cause("rotor inertia", name, self._at_drive(i, inertial[:, i])), is_positive=True)
             speed, size = self._speed[:, i], np.abs(self._speed[:, i])
@@ -362,11 +363,16 @@ class Trends:
         warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
         yield _cause("friction drift", "", *warm)
         yield self._by_motion("time scale", "", self._motion)
+        yield self._apart(self.fit.plain.beta)
         for one in ripples(self.fit):
             waves = [self._at_drive(one.drive, wave) for wave in one.columns(q @ self._coupling[one.drive])]
             yield replace(_cause(RIPPLE, names[one.drive], *waves), cycles=(one.stated, one.std))
         if np.any(self.fit.model.robot.gravity):
-            yield self._tilt(self.fit.plain.beta)
+            yield _cause("tilt", "", *lean_torques(self.fit.regressor, self._log, self.fit.plain.beta))
+
+    def _apart(self, beta: Array, growth: float = 0.0) -> Cause:
+        torque, log = self.fit.regressor.predict(self._log, beta), self._log
+        return _cause(CLOCKS, "", apart(torque, np.asarray(log.time), self.fit.clock(np.asarray(log.time)), growth))
 
     def _slope(self, torque: Array) -> Array:
         """Return what a delay by 1 s adds to torques (N, n), as a straight line, of the same shape."""
@@ -387,10 +393,6 @@ class Trends:
         column = np.zeros_like(self.fit.rows.torque)
         column[:, joint] = self.fit.rows.torque[:, joint] - self.fit.residual[:, joint]
         return column
-
-    def _tilt(self, beta: Array) -> Cause:
-        """Return the lean of the base about both axes across gravity; the first joint then carries its own link too."""
-        return _cause("tilt", "", *lean_torques(self.fit.regressor, self._log, beta))
 
 
 def _cause(name: str, joint: str, *columns: Array) -> Cause:

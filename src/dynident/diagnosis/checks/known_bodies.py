@@ -22,7 +22,7 @@ from dynident.diagnosis.checks._torque_unit import LOADED, OF_UNIT, ONE_SCALE, U
 from dynident.diagnosis.checks._torque_unit import SURE as SURE_OF_SHAPE
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.checks.torque_scale import TorqueScale
-from dynident.diagnosis.finding import Finding, Severity
+from dynident.diagnosis.finding import CLOCKS, Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
 #: figure, in which the errors of the known bodies count, from which it is one.
@@ -35,7 +35,7 @@ FAR, SURE_FACTOR = 1.5, 10.8
 #: Causes of which free bodies may give the better figure, and those that they give alone: friction, which no known
 #: bodies have, passes for a delay or an elastic joint, and errors of a robot model's centres of mass for another zero;
 #: no bodies pass for a ripple.
-FREE = ("time scale", "tilt", "rotor inertia", SCALE)
+FREE = ("time scale", CLOCKS, "tilt", "rotor inertia", SCALE)
 FREE_ALONE, FREE_OF_MODELS = (DELAY, ELASTIC, HYSTERESIS, RIPPLE), (ZERO,)
 
 

@@ -16,10 +16,11 @@ from dynident.diagnosis.causes.trend_findings import believed, is_narrow, rival_
 from dynident.diagnosis.causes.trend_texts import TRENDS
 from dynident.diagnosis.causes.trends import DELAY, ZERO
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import EXPLAINED, Finding
+from dynident.diagnosis.finding import CLOCKS, EXPLAINED, Finding
 
-#: Share of a joint's residual variance that a delay of its torque alone explains from which the result suffers (right
-#: logs have no such delay, whatever their friction), and share of its torque from which the result is wrong.
+#: Share of a joint's residual variance that a delay of its torque alone, or one that grows along the log, explains from
+#: which the result suffers (right logs have no such delay, whatever their friction), and share of the torque from which
+#: the result is wrong.
 LATE_EXPLAINS, LATE_BY_FAR = 0.3, 0.05
 
 
@@ -49,7 +50,7 @@ class ResidualTrends(Check):
 
 
 def _told(blame: Blame, fit: QuickFit, is_alone: bool) -> Finding:
-    """Return what is said of a cause: of a late torque, and of a lean of the base or a joint's zero where it is sure.
+    """Return what is said of a cause: of late torques, and of a lean of the base or a joint's zero where it is sure.
 
     They are errors where the remedy predicts unseen samples. A lean or a zero is told so where no other cause explains
     the log as well, and the angle is one from which a mounting is told; not a zero where the log is held against an
@@ -57,7 +58,7 @@ def _told(blame: Blame, fit: QuickFit, is_alone: bool) -> Finding:
     """
     found, name = trend_finding(blame, fit), blame.cause.name
     turns = any(one.name == blame.cause.joint and one.kind == "revolute" for one in fit.model.robot.active)
-    if name == DELAY and is_narrow(blame) and blame.share > LATE_EXPLAINS:
+    if name in (CLOCKS, DELAY) and is_narrow(blame) and blame.share > LATE_EXPLAINS:
         found, doubted = replace(found, severity="warning"), blame.share < EXPLAINED or blame.size < LATE_BY_FAR
     elif found.severity == "warning" and (name == "tilt" or (name == ZERO and is_alone and turns)):
         least = np.linalg.norm(blame.values[:2]) - np.linalg.norm(blame.half_widths[:2])

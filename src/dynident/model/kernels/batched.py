@@ -12,8 +12,6 @@ in that sample; so do joint angles beyond 2^31 rad, whose sine the generated ker
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
@@ -23,7 +21,7 @@ from dynident.model.kernels.inputs import parameters, samples
 from dynident.model.kernels.joint_columns import JointColumns
 from dynident.model.robot import Chain
 
-__all__ = ["JointColumns", "inverse_dynamics", "link_poses", "mass_matrix", "torque_regressor", "weight_torques"]
+__all__ = ["JointColumns", "inverse_dynamics", "link_poses", "mass_matrix", "torque_regressor"]
 
 
 def torque_regressor(
@@ -99,28 +97,6 @@ def inverse_dynamics(
 
     tables = pack(chain)
     generic_batches.inverse_dynamics(*tables, theta, q, dq, ddq, out)
-    return out
-
-
-def weight_torques(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, fields: npt.ArrayLike) -> Array:
-    """Return the joint torques at rest under other gravities than that of the chain, shape (m, N, n), in N m or N.
-
-    Args:
-        chain: The robot.
-        theta: Inertial parameters, shape (10 l,); physical or not.
-        q: Positions, shape (N, n).
-        fields: The gravities in m/s^2, shape (m, 3), which share one kernel.
-
-    Raises:
-        ValueError: A shape is wrong.
-    """
-    (q,), theta, fields = samples(chain, {"q": q}), parameters(chain, theta), np.array(fields, dtype=np.float64)
-    kernel, still = chain_kernel(replace(chain, gravity=np.zeros(3)), "weight"), np.zeros_like(q)
-    if kernel is None:
-        return np.stack([inverse_dynamics(replace(chain, gravity=own), theta, q, still, still) for own in fields])
-    out = np.empty((len(fields), len(q), chain.joints))
-    for field, own in zip(fields, out, strict=True):
-        kernel.run((theta, field, q), (own,), len(q))
     return out
 
 
