@@ -10,12 +10,16 @@ import pytest
 
 from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot, validate
 from dynident.data.preprocessing.as_given import AsGiven
+from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.diagnosis.verdict import check_lines, errors_in, verdict_of
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.consistency.log_cholesky_fit import BOUNDARY, UNFINISHED
 from dynident.identification.problem.choices import Choices, GainUncertainty, NoiseBias
 from dynident.identification.problem.method_run import MethodRun
 from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.viscous import Viscous
 
 
 def recorded(flip: int | None = None, stretch: float = 1.0) -> tuple[DynamicModel, Log]:
@@ -242,3 +246,25 @@ def test_what_is_found_in_several_logs_is_told_once() -> None:
     same_name = [log("x/a.csv", "j1"), log("y/a.csv")]
     assert check_lines(same_name) == ["x/a.csv: spikes (j1): of x/a.csv; mend it"]
     assert check_lines([]) == [] and errors_in([log("a.csv")]) == ()
+
+
+@pytest.mark.parametrize(("period", "is_told"), [(4.0, True), (60.0, False)])
+def test_friction_at_breakaway_is_not_determined_by_short_reversals(period: float, is_told: bool) -> None:
+    """Velocity and exponent are found from both motions, the level at speed 0 from the slow one alone."""
+    parts = (Coulomb(width=0.003), Viscous())
+    true = DynamicModel(read_robot("generic-scara"), (*parts, Stribeck(velocity=0.05, exponent=2.0, width=0.003)))
+    time, generator = np.arange(4000) / 100, np.random.default_rng(0)
+    phase = 2 * np.pi / period * time[:, None] * [1.0, 2.0, 3.0, 2.0] + [0.0, 1.0, 2.0, 3.0]
+    size = np.array([1.0, 0.7, 0.03, 0.7])
+    q, speed = size * np.sin(phase), 2 * np.pi / period * np.array([1.0, 2.0, 3.0, 2.0])
+    motion = Motion(q, size * speed * np.cos(phase), -size * speed**2 * np.sin(phase))
+    theta = true.nominal()
+    assert theta is not None
+    theta = np.r_[theta[: true.inertial_count], np.tile([1.0, 0.5, 0.6], 4)]
+    torque = true.torque(motion, theta)
+    log = Log(true.robot.joint_names, time, q, torque=torque + 0.01 * generator.normal(size=q.shape))
+    found = (*parts, Stribeck(velocity=0.1, width=0.003, vary=("velocity", "exponent")))
+    how = Preprocessing(Butterworth(3.0), trim_s=0.5, standstill=0.001)
+    estimate = identify(replace(true, friction=found), [log], preprocessing=how)
+    told = [line for line in warnings_of(estimate) if line.startswith("static friction is not determined")]
+    assert len(told) == is_told

@@ -15,11 +15,10 @@ from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_files import read_servo_logs
 from dynident.actuators.servo_log import ServoLog, ServoSetup, check_travel, with_slides
 from dynident.actuators.torque_state import check_torque_state
-from dynident.api.case_logs import logs_named, with_logs
+from dynident.api.case_logs import check_distinct, logs_named, with_logs
 from dynident.api.estimate_output import file_of_fit
 from dynident.case.case import Case, read_case
 from dynident.case.part_sections import AUTO
-from dynident.data.log import check_distinct
 from dynident.errors import BadOption, DescriptionError
 from dynident.files import sha256_of
 from dynident.model.threads import one_blas_thread

@@ -6,14 +6,14 @@ Names stand for files, folders of logs, patterns, and addresses of a bucket.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dynident.case.case import Case
 from dynident.data.formats import FORMATS, LARGE
-from dynident.data.log import Log, Source, check_distinct
+from dynident.data.log import Log, Source
 from dynident.data.log_places import is_address, reached, size_of
 from dynident.data.preprocessing import check_gaps
 from dynident.errors import BadOption, DescriptionError, FileError, LogMismatch
@@ -49,6 +49,16 @@ def with_logs(case: Case, train: Sequence[str] | None, test: Sequence[str] | Non
     learned, others = logs_named(case.train if train is None else train, case.find)
     tested, more = logs_named(case.test if test is None else test, case.find)
     return replace(case, train=tuple(learned), test=tuple(tested)), (*others, *more)
+
+
+def check_distinct(contents: Iterable[tuple[str, str]]) -> None:
+    """Refuse a log that counts twice, by names and hashes: its samples would look like new ones."""
+    seen: dict[str, str] = {}
+    for name, content in contents:
+        if content in seen:
+            step = "give each log once, and test on logs that are not trained on"
+            raise LogMismatch(name, f"the same content as {seen[content]}", step)
+        seen[content] = name
 
 
 def read_data(case: Case) -> CaseData:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -211,16 +211,6 @@ def measured_torque(log: Log) -> Array:
     if log.torque is None:
         raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
     return log.torque
-
-
-def check_distinct(contents: Iterable[tuple[str, str]]) -> None:
-    """Refuse a log that counts twice, by names and hashes: its samples would look like new ones."""
-    seen: dict[str, str] = {}
-    for name, content in contents:
-        if content in seen:
-            step = "give each log once, and test on logs that are not trained on"
-            raise LogMismatch(name, f"the same content as {seen[content]}", step)
-        seen[content] = name
 
 
 def torque_from_current(log: Log, gains: Mapping[str, float], coupling: Array | None = None) -> Log:

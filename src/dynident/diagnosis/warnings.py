@@ -19,6 +19,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import Choices
 from dynident.model.friction import called
+from dynident.model.friction.stribeck import Stribeck
 
 #: Total relative error of the fit above which a model explains too little.
 POOR_FIT = 0.25
@@ -35,6 +36,9 @@ POOR_CONDITION = 1000.0
 #: Least share of the load that friction takes for its direction to matter, and how near that of the robot model the
 #: scale of the bodies then is for it not to, as a share of what it could be off by.
 LEAST_SHARE, AGREES = 0.02, 0.1
+
+#: Half-width of the interval of a friction level at breakaway, as a share of it, from which it is not determined.
+LEVEL = 0.1
 
 #: Deviations, at the cut-off that knows less, beyond which a parameter that moves so far is worth a warning.
 FAR = 3.0
@@ -81,6 +85,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None, new: NewLog 
     found += _at_ends(estimate)
     found += _springs_beside_load(estimate)
     found += _one_load_friction(estimate)
+    found += _static_friction(estimate)
     if test is not None and test.departure is not None and estimate.envelope is not None and test.departure.leaves():
         found.append(test.departure.sentence(estimate.envelope))
     found += () if test is None else start_sentences(test.start_states)
@@ -119,6 +124,32 @@ def _one_load_friction(estimate: Estimate) -> list[str]:
     )
     return [
         f"load friction {share:.2f} may differ between driving and being driven; then {told}: {remedy}, or weigh a link"
+    ]
+
+
+def _static_friction(estimate: Estimate) -> list[str]:
+    """Name the drives whose friction at breakaway is what a chosen curve says at speeds that the logs do not tell.
+
+    A reversal that is shorter than the filter resolves shows what a Stribeck effect takes in all, not how high and how
+    narrow it is: then velocity and exponent are found, and with them the level at speed 0 is not.
+    """
+    found = {p["name"]: k for k, p in enumerate(estimate.parameters())}
+    told, slow = list[tuple[float, str]](), 0.0
+    for part in (part for part in estimate.model.friction if isinstance(part, Stribeck)):
+        for name in (estimate.model.robot.joint_names[j] for j in estimate.model.drives_of(part)):
+            places = [found[key] for key in (f"Fc[{name}]", f"Fs[{name}]") if key in found]
+            level = float(estimate.beta[places].sum())
+            half = 1.96 * float(np.sqrt(max(estimate.covariance[np.ix_(places, places)].sum(), 0.0)))
+            if half > LEVEL * level > 0.0:
+                told.append((half / level, f"{name} {level:.3g} +- {half:.2g} at least"))
+                slow = max(slow, part.velocity)
+    if not told:
+        return []
+    others = f", and {len(told) - 1} more" * (len(told) > 1)
+    return [
+        f"static friction is not determined ({max(told)[1]}{others}): reversals are too short to show how the Stribeck "
+        "effect goes on towards speed 0, and a simulator would stick at a wrong torque; add a log whose joints stay "
+        f"below {slow:.2g} rad/s or m/s for seconds at a time"
     ]
 
 

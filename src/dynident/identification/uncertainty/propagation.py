@@ -151,7 +151,9 @@ def field_covariance(problem: Problem, beta: Array, deviations: Array, factors: 
 
 def _found_fields(problem: Problem) -> Iterator[tuple[list[int], str]]:
     """Yield fields of friction parts whose values the logs have found: places of the parts that share it, its name."""
-    chosen = [own for own in problem.choices.chosen_fields or () if own.field != WHOLE_PART and own.value != own.stated]
+    told = problem.choices.chosen_fields or ()
+    fitted = {own.part for own in told if own.field == WHOLE_PART and own.value}  # with all their fields, wherever
+    chosen = [own for own in told if own.field != WHOLE_PART and (own.value != own.stated or own.part in fitted)]
     for each in (*(problem.choices.non_linear or ()), *chosen):
         parts = [
             p
