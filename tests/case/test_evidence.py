@@ -145,3 +145,19 @@ def test_joints_that_move_as_others_do_in_radians_alone_are_named(in_degrees: tu
     else:
         assert told.text == "" and "A3 are within them as rad too and move 1.8 deg" in told.why
         assert "[deg, deg, rad] where units differ by joint" in told.why
+
+
+@pytest.mark.parametrize(
+    ("limit", "size", "likely", "words"),
+    [
+        (np.radians(3.14159), 1.2, "rad", '(an MJCF lacks <compiler angle="radian"/> then)'),
+        (1.9, 100.0, "", "within them as deg, or percent of the range"),
+        (1.9, 95.0, "deg", "within them as deg"),
+    ],
+)
+def test_limits_of_radians_read_as_degrees_and_percent_are_no_degrees(
+    limit: float, size: float, likely: str, words: str
+) -> None:
+    joint = replace(JOINT, limits=replace(JOINT.limits, lower=-limit, upper=limit))
+    found = position_unit(size * np.sin(np.linspace(0.0, 20.0, 2000))[:, None].round(3), [joint], "")
+    assert not found.certain and found.text == likely and words in found.why

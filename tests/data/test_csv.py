@@ -176,7 +176,7 @@ FAULTS = [
         table("t,q1,q2,tau_a,tau2"),
         "1: no column 'tau1'; the header has t, q1, q2, tau_a, tau2; " + MAPPED + "; did you mean 'tau_a'?",
     ),
-    (table("time,q1,tau1"), "1: no column 't'; the header has time, q1, tau1; " + MAPPED),
+    (table("clock,q1,tau1"), "1: no column 't'; the header has clock, q1, tau1; " + MAPPED),
     (table("t,pos,effort"), "1: no column 'q1'; the header has t, pos, effort; " + MAPPED),
     (table("t,q1,q3,tau1,tau2"), "1: no column 'q2'; the header has t, q1, q3, tau1, tau2; " + MAPPED),
     (
@@ -598,3 +598,12 @@ def test_a_number_before_a_unit_is_what_one_count_is(tmp_path):
 def test_numbers_that_no_count_has_are_refused(quantity, word):
     with pytest.raises(UnknownChoice, match=f"no unit of {quantity} called '{word}'"):
         Units(**{quantity: word})
+
+
+@pytest.mark.parametrize("name", ["time", "Time", "TIME"])
+def test_a_column_called_time_is_the_time_where_none_is_called_t(tmp_path, name):
+    rows = np.column_stack([np.arange(20) * 0.01, np.sin(np.arange(20)), np.arange(20)])
+    for k, header in enumerate((f"{name},q1,tau1", f"{name},q1,t")):
+        np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header=header, comments="")
+        log = read_log(tmp_path / "run.csv", ColumnMap(torque=(name,) if k else None))
+        np.testing.assert_allclose(log.time, rows[:, 2 * k])

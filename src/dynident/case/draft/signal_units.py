@@ -96,6 +96,10 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence
             turned = "" if said else _of_turned(q, joints, mine, other)
             if turned:
                 word, why, may_differ = "", f"{away}, beyond the limits as {si}{turned}", True
+            if word == "deg" and (doubt := _of_limits(own)):
+                word, why = si, f"{why}; {doubt}"
+            elif word == "deg" and 99.5 < np.abs(q[:, mine]).max() <= 100.0:
+                word, why = "", f"{why}, or percent of the range, which has to be turned into deg"
             either = _of_either_unit(q, joints, mine, (si, other)) if word == other else ""
             why, may_differ = why + either, may_differ or bool(either)
         certain &= sure
@@ -105,6 +109,17 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str, each: Sequence
     certain &= not resting or not {"deg", "mm"} & set(named.values())  # what stands may then be in these as well
     likely = tuple(named[k] for k in range(len(joints))) if all(named.values()) else ()
     return SignalUnit(likely, certain, "; ".join(reasons), may_differ=may_differ)
+
+
+def _of_limits(joints: Sequence[Joint]) -> str:
+    """Return that the limits of joints are those of radians read as degrees; nothing where they are larger."""
+    ends = np.array([end for joint in joints for end in (joint.limits.lower, joint.limits.upper) if np.isfinite(end)])
+    if not len(ends) or np.abs(ends).max() > np.radians(2.0 * np.pi) + 1e-6:
+        return ""
+    return (
+        "no limit of the robot model is beyond 6.3 degrees, as of a file in radians that declares degrees "
+        '(an MJCF lacks <compiler angle="radian"/> then)'
+    )
 
 
 def _of_one_unit(joints: Sequence[Joint], stated: Sequence[str]) -> Iterator[tuple[list[int], tuple[str, str], str]]:

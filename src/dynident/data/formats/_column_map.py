@@ -41,8 +41,8 @@ class ColumnMap:
 
     Attributes:
         joints: Names of the n joints in the order of the columns; empty: as many as there are, joint1, joint2, ...
-        time: Column of the time, the samples a second where a file has none, such as ``200 Hz``, or the sum of two
-            columns, such as ``sec s + nanosec ns``.
+        time: Column of the time (without a ``t`` also one called time, in capitals or not), the samples a second where
+            a file has none, such as ``200 Hz``, or the sum of two columns, such as ``sec s + nanosec ns``.
         q: Columns of the positions.
         dq: Columns of the velocities; None takes dq1, ... where they are there.
         ddq: Columns of the accelerations; not read unless named.
@@ -156,13 +156,15 @@ class ColumnMap:
                 step = "name the columns of these joints with columns: in the case file"
                 raise LogFormatError(path, line, evidence, step)
             chosen[name] = tuple(f"{NUMBERED[name]}{k}" for k in range(1, count + 1))
-        used = (self.time, *(name for names in chosen.values() for name in names))
+        called = [name for name in header if name.lower() == "time"] if self.time == "t" not in header else []
+        time = called[0] if len(called) == 1 else self.time
+        used = (time, *(name for names in chosen.values() for name in names))
         for column in used:
             if column not in header:
                 raise missing_column(column, header, path, line, used)
         joints = self.joints or tuple(f"joint{k}" for k in range(1, count + 1))
         empty: dict[str, tuple[str, ...]] = dict.fromkeys(NUMBERED, ())
-        resolved = replace(self, joints=joints, **(empty | chosen))  # type: ignore[arg-type]
+        resolved = replace(self, joints=joints, time=time, **(empty | chosen))  # type: ignore[arg-type]
         resolved._check_kinds()
         return resolved
 
