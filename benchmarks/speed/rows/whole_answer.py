@@ -86,11 +86,12 @@ def _of_robot(found: Record, name: str, robot: Robot, place: Path, folder: str) 
     peer = [sys.executable, str(PEER), str(place / "robot.urdf"), str(robot.cutoff_hz), str(robot.step)]
     calls = {f"{name}, peer": [*peer, robot.column, robot.gains, *logs]}
     draft = f"{folder}/draft.yaml"
-    if robot.gains == "1":  # a draft asks for the gains of currents
-        process([*COMMAND, "init", str(place / "robot.urdf"), *logs, "-o", draft, "--quiet"], dict(os.environ))
+    process([*COMMAND, "init", str(place / "robot.urdf"), *logs, "-o", draft, "--quiet"], dict(os.environ))
+    text = Path(draft).read_text()
+    for gain in robot.gains.split(","):  # a draft asks for the gains of currents
+        text = text.replace("gain: ask", f"gain: {gain}", 1)
+    Path(draft).write_text(text)
     for work, (words, most) in WORKS.items():
-        if "{draft}" in words and robot.gains != "1":
-            continue
         places = {"case": str(CASES / f"{name}.yaml"), "folder": folder, "draft": draft}
         calls[f"{name}, {work}"] = [*COMMAND, *(word.format(**places) for word in words)]
         found.lines.append(Line(f"{name}: {work}", f"{name}, {work}", f"{name}, peer", 1.0 / most))

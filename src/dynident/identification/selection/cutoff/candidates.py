@@ -101,22 +101,25 @@ class Bench:
             gram = own.reduced.r.T @ own.reduced.r / own.reduced.rows
             jackknife = (1.0 - self.base.count / independent) ** -2  # residuals of a fit understate the variance
             covariance = self.share * jackknife * own.covariance
-            move = self.rows(hertz, 1.0).fit[0] - beta
+            move = self.rows(hertz, 1.0, blocks=1).fit[0] - beta
             if move @ gram @ move > SMALL * np.sum(gram * covariance):  # else the bias within it is smaller still
-                move = 0.5 * (move + self.rows(hertz, -1.0).fit[0] - beta)
+                move = 0.5 * (move + self.rows(hertz, -1.0, blocks=1).fit[0] - beta)
         except DynidentError:
             return None
         return CutoffCandidate(hertz, beta, covariance, move, gram)
 
-    def rows(self, hertz: float, added: float = 0.0) -> BlockTriangles:
-        """Return the rows at a cut-off, noise of the positions' own size times ``added`` put on top of it."""
+    def rows(self, hertz: float, added: float = 0.0, blocks: int = BLOCKS) -> BlockTriangles:
+        """Return the rows at a cut-off, noise of the positions' own size times ``added`` put on top of it.
+
+        A fit alone asks for no ``blocks`` of time, which take longer to reduce.
+        """
         how = self.at(hertz)
         generator = np.random.default_rng(SEED)
         prepared = []
         for log, noise, delay in zip(self.logs, self.noise, self.delays, strict=True):
             noisy = replace(log, q=log.q + added * noise * generator.normal(size=log.q.shape)) if added else log
             prepared.append(preprocess(thinned_out(noisy, SAMPLES_PER_HZ * hertz), replace(how, delay_s=delay)))
-        return block_triangles(unreduced(self.model, self.base, prepared), PERIODS / hertz, BLOCKS)
+        return block_triangles(unreduced(self.model, self.base, prepared), PERIODS / hertz, blocks)
 
     def at(self, hertz: float) -> Preprocessing:
         """Return the preparation at a cut-off."""
@@ -140,7 +143,7 @@ class Bench:
     def filter_bias(self, beta: Array, hertz: float) -> Array:
         """Return by how much the estimate differs from the parameters (b,) that the logs were made with."""
         try:
-            return self.rows(hertz).fit[0] - beta
+            return self.rows(hertz, blocks=1).fit[0] - beta
         except DynidentError:
             return np.zeros(len(beta))
 
