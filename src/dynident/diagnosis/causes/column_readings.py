@@ -333,7 +333,7 @@ class PositionReadings:
             key, summed = (before, joint, way, 0.0), np.eye(size)
             summed[joint, before] = way
             if key not in self._of_coupled:
-                self._of_coupled[key] = fit.products_of(self._summed_rows(summed))
+                self._of_coupled[key] = fit.products_of(fit.rows_mixed(summed))
             solved = fit.solve(self._of_coupled[key])
             gain = fit.plain.score - solved.score
             if gain <= GAIN + 1.0 or not _explained(fit, solved.variances, np.eye(size), (before, joint)):
@@ -346,19 +346,14 @@ class PositionReadings:
                 "not from the link before,"
             )
             remedy = "name the sum of both columns as its position (log: columns: {q: [..., a + b, ...]})"
-            reading = ReadRows(self._summed_rows(summed), np.eye(size))
+            reading = ReadRows(fit.rows_mixed(summed), np.eye(size))
             numbers = {f"of {names[before]}": way}
             yield Interpretation(ABSOLUTE, (names[joint],), gain, how, remedy, reading, numbers)
-
-    def _summed_rows(self, summed: Array) -> FitRows:
-        """Return the rows with positions that are sums of those of the log, by a matrix (n, n): the same rows."""
-        rows = self.fit.rows_of(replace(self.fit.log, q=np.asarray(self.fit.log.q) @ summed.T))
-        return replace(rows, masks=self.fit.rows.masks)
 
     def _coupled_rows(self, coupling: Array) -> FitRows:
         """Return the rows of a log of motors with a coupling (n, n): bodies at the joints, friction as logged."""
         fit, blocks, columns = self.fit, list[Array](), list[IntArray]()
-        moved = fit.rows_of(replace(fit.log, q=np.asarray(fit.log.q) @ np.linalg.inv(coupling).T))
+        moved = fit.rows_mixed(np.linalg.inv(coupling))
         is_body = fit.base.independent < fit.model.inertial_count
         for i, (block, own) in enumerate(zip(moved.blocks, moved.columns, strict=True)):
             parts, places = [block[:, is_body[own]]], [own[is_body[own]]]
@@ -368,10 +363,8 @@ class PositionReadings:
                 places.append(other[~is_body[other]])
             blocks.append(np.hstack(parts))
             columns.append(np.concatenate(places))
-        return replace(moved, blocks=tuple(blocks), columns=tuple(columns), masks=fit.rows.masks)
+        return replace(moved, blocks=tuple(blocks), columns=tuple(columns))
 
     def _rows(self, order: tuple[int, ...], factors: tuple[float, ...]) -> FitRows:
-        """Return the rows with such positions: the same rows, or scores do not compare."""
-        fit = self.fit
-        rows = fit.rows_of(replace(fit.log, q=np.asarray(fit.log.q)[:, list(order)] * np.array(factors)))
-        return replace(rows, masks=fit.rows.masks)
+        """Return the rows with such positions."""
+        return self.fit.rows_mixed(np.diag(factors) @ np.eye(len(factors))[list(order)])

@@ -72,7 +72,8 @@ class FitRows:
     def augmented(self) -> Iterator[Array]:
         """[W_i, all torques, known torque] of each joint, the rows that count."""
         for block, known, mask in zip(self.blocks, self.known.T, self.masks.T, strict=True):
-            yield np.column_stack([block, self.torque, known])[mask]
+            rows = np.concatenate([block.T, self.torque.T, known[None]])  # stays in the order in which blocks are made
+            yield (rows if mask.all() else rows[:, mask]).T
 
 
 @dataclass(frozen=True)
@@ -182,19 +183,21 @@ class QuickFit:
         robots = [self.model.robot.with_gravity(gravity) for gravity in (np.zeros(3), *np.eye(3))]
         return tuple(RegressorStream(replace(self.model, robot=own), self.base, any_gravity=True) for own in robots)
 
-    def rows_of(self, log: Log) -> FitRows:
-        """Return the rows of another reading of the log."""
-        return self._counted(self._rows(preprocess(log, self.how), self.regressor))
+    def rows_mixed(self, mixing: Array) -> FitRows:
+        """Return the same rows with positions mixing @ (logged ones), mixing of shape (n, n): filters are linear."""
+        prepared = self.rows.prepared
+        moved = {name: np.asarray(getattr(prepared.log, name)) @ mixing.T for name in ("q", "dq", "ddq")}
+        mixed = replace(prepared, log=replace(prepared.log, **moved))
+        return self._rows(mixed, self.regressor, self.rows.masks)
 
     def rows_under(self, regressor: RegressorStream) -> FitRows:
         """Return the rows of a robot that differs in its gravity alone."""
-        return self._counted(self._rows(self.rows.prepared, regressor))
+        return self._rows(self.rows.prepared, regressor, self.rows.masks)
 
-    def _rows(self, prepared: Prepared, regressor: RegressorStream) -> FitRows:
-        model = self.model
+    def _rows(self, prepared: Prepared, regressor: RegressorStream, masks: BoolArray | None = None) -> FitRows:
+        model, masks = self.model, counting_rows(self.model, prepared) if masks is None else masks
         blocks = tuple(np.asarray(part[:-1]).T for part in regressor.rows(prepared))
         known = (np.asarray(prepared.log.torque) - target_torque(model, prepared))[prepared.keep]
-        masks = counting_rows(model, prepared)
         return FitRows(blocks, regressor.columns, self._torque(prepared), known, masks, prepared)
 
     def _torque(self, prepared: Prepared) -> Array:

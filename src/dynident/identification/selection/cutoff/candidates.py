@@ -109,10 +109,7 @@ class Bench:
         return CutoffCandidate(hertz, beta, covariance, move, gram)
 
     def rows(self, hertz: float, added: float = 0.0, blocks: int = BLOCKS) -> BlockTriangles:
-        """Return the rows at a cut-off, noise of the positions' own size times ``added`` put on top of it.
-
-        A fit alone asks for no ``blocks`` of time, which take longer to reduce.
-        """
+        """Return the rows at a cut-off in ``blocks`` of time, ``added`` times the positions' noise put on top."""
         how = self.at(hertz)
         generator = np.random.default_rng(SEED)
         prepared = []
