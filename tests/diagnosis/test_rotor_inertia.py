@@ -160,3 +160,32 @@ def test_what_explains_as_well_as_a_cause_that_is_sure_beside_axes_stands_beside
             replace(spring, cause=replace(other, name=name), rivals=(replace(spring, rivals=()),)),
         )
         assert trends.is_sure_beside_frames(spring.cause) == stands
+
+
+def turntable(tmp_path: Path, factor: float, horizontal: bool = False) -> list[str]:
+    """Return what is told of one joint with a rotor of ``factor`` less 1 times the inertia of its link.
+
+    About a horizontal axis the link has weight as well, and all of its torque is ``factor`` times as large.
+    """
+    axis = "0 1 0" if horizontal else "0 0 1"
+    (tmp_path / "one.urdf").write_text(
+        f'''<robot name="one"><link name="base"/><link name="plate"><inertial><origin xyz="0.3 0 0"/><mass value="4"/>
+        <inertia ixx="0.05" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="turn"
+        type="revolute"><parent link="base"/><child link="plate"/><axis xyz="{axis}"/><limit lower="-3" upper="3"
+        effort="500" velocity="5"/></joint></robot>'''
+    )
+    (tmp_path / "one.yaml").write_text("case: 2\nrobot: one.urdf\nfriction: [coulomb, viscous, offset]\n")
+    t, noise = np.arange(4000) / 200, np.random.default_rng(0)
+    q = 0.6 * np.sin(0.9 * t) + 0.5 * np.sin(2.3 * t + 1.0) + 0.2 * np.sin(4.1 * t + 2.0)
+    dq, ddq = (np.gradient(np.gradient(q, t), t) if k else np.gradient(q, t) for k in range(2))
+    tau = factor * (0.46 * ddq - 11.77 * horizontal * np.cos(q)) + 0.5 * np.tanh(dq / 0.01) + 0.2 * dq
+    tau += 0.01 * tau.std() * noise.normal(size=len(t))
+    trial = Trial(read_case(tmp_path / "one.yaml"), {"t": t, "q": q[:, None], "tau": tau[:, None]})
+    return [one.name for one in trial.examined(tmp_path).findings if one.severity != "note"]
+
+
+@pytest.mark.parametrize("factor", [3.0, 8.0])
+def test_a_rotor_of_an_axis_without_weight_is_no_unit_of_its_torque(factor: float, tmp_path: Path) -> None:
+    """A torque that is a thousand times too large is one, and so is one that holds a weight."""
+    assert turntable(tmp_path, factor) == []
+    assert turntable(tmp_path, 1000.0) == turntable(tmp_path, factor, horizontal=True) == ["torque unit"]

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.faults.injections import other_arm, spreads
 from benchmarks.faults.trials import Trial, virtual
 
 from dynident.case.case import read_case
 from dynident.diagnosis.causes.robot_misfit import robot_misfit, unpredicted
 from dynident.diagnosis.causes.thin_fit import quick_fit
+from dynident.model.friction import Motion
+from dynident.model.friction.presliding import Presliding
 
 NAME = "torque not explained"
 
@@ -47,3 +50,15 @@ def test_a_torque_of_noise_is_none_that_the_model_misses(kind: str, tmp_path: Pa
     assert fit is not None and robot_misfit(fit).joints[-1] > 1.0
     assert unpredicted(fit) == {}
     assert NAME not in [one.name for one in trial.examined(tmp_path).findings]
+
+
+@pytest.mark.parametrize("robot", ["generic-6r", pytest.param("er16", marks=pytest.mark.battery)])
+def test_strong_friction_that_builds_up_after_reversals_is_no_other_robot(robot: str, tmp_path: Path) -> None:
+    """Over 40 mrad, a quarter of the torque; other axes and lengths are another robot beside it too."""
+    right = virtual(read_case(robot))
+    motion = Motion(right.columns["q"], right.columns["dq"], np.zeros_like(right.columns["q"]))
+    bent = Presliding(length=0.04).states_along(motion, 0.005)[..., 0] / 0.04
+    trial = right.with_columns(tau=right.columns["tau"] + 0.25 * spreads(right, "tau") * bent)
+    assert not [one for one in trial.examined(tmp_path).findings if one.severity != "note"]
+    wrong = other_arm(trial, 2)
+    assert "another robot" in [one.name for one in wrong.examined(tmp_path).findings if one.severity != "note"]

@@ -18,11 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.cause_search import Blame
+from dynident.diagnosis.causes.cause_search import Blame, Cause
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, as_stated, judged
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.finding import LOST
 from dynident.identification.problem.regressor_stream import motion_of
+from dynident.model.friction import Motion
+from dynident.model.friction.presliding import Presliding
 
 #: Ridges that are tried, as shares of the squares of a joint's column: many parameters need a strong one.
 RIDGES = (1e-2, 1e-1, 1.0)
@@ -33,6 +35,9 @@ LEFT, GAIN, SURE, SUSPECTED = 0.1, 1.0, 3.0, 0.25
 
 #: Share of what is left, root mean squares, below which known causes explain most of it: half of the variance.
 MOST = 0.7
+
+#: Lengths in rad or m over which friction may build up after a reversal (Prandtl and Ishlinskii's stop operators).
+LENGTHS = (0.003, 0.01, 0.03, 0.1)
 
 #: Share of the variance that the model or a constant leaves, which a regression on the motion leaves at most where the
 #: torque follows the motion, and stretches of the log, each predicted by the regression of the others.
@@ -76,7 +81,7 @@ class RobotMisfit:
         return SUSPECTED < self.left < 1.0
 
 
-def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence[Blame] = ()) -> RobotMisfit:
+def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence[Cause] = ()) -> RobotMisfit:
     """Return what is left of the torques of a log.
 
     Args:
@@ -91,8 +96,8 @@ def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence
     columns = zip(torque.T, reading.rows.masks.T, told, strict=True)
     size = np.array([np.var(column[mask]) if one else 0.0 for column, mask, one in columns])
     counts, shared, plain = np.maximum(reading.rows.masks.sum(axis=0), 1), reading, errors
-    for blame in known if _left(errors / counts, size) > LEFT else ():
-        taken = _with_cause(shared, blame)
+    for cause in known if _left(errors / counts, size) > LEFT else ():
+        taken = _with_cause(shared, cause)
         lower = held.errors(taken)
         if held.difference(lower, errors)[0] > 0.0:
             shared, errors = taken, lower
@@ -106,10 +111,25 @@ def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence
     return RobotMisfit(_left(errors / counts, size), joints, gain, spread, kept)
 
 
+def presliding(fit: QuickFit) -> list[Cause]:
+    """Return friction that builds up over several lengths after a reversal, of each drive, filtered as the torques are.
+
+    With lengths that are a share of its motion it looks like a spring that turns round with the motion, which bodies of
+    each joint's own take in.
+    """
+    coupling, log, found = np.asarray(fit.model.robot.coupling), fit.rows.prepared.log, list[Cause]()
+    motion = Motion(*(np.asarray(getattr(log, name)) @ coupling.T for name in ("q", "dq", "ddq")))
+    bent = [Presliding(length=own).states_along(motion, 1.0 / log.rate)[..., 0] / own for own in LENGTHS]
+    for j, name in enumerate(fit.model.robot.joint_names):
+        smooth = fit.rows.prepared.smooth(np.stack([own[:, j] for own in bent]))[:, fit.rows.prepared.keep]
+        found.append(Cause("presliding", name, smooth[:, :, None] * coupling[j], is_filtered=True))
+    return found
+
+
 def held_out_gain(fit: QuickFit, blame: Blame) -> tuple[float, float]:
     """Return by how much a cause predicts unseen samples better, in log variance, and the standard error of it."""
     held = HeldOutErrors(fit)
-    return held.difference(held.errors(_with_cause(as_stated(fit), blame)), held.plain)
+    return held.difference(held.errors(_with_cause(as_stated(fit), blame.cause)), held.plain)
 
 
 def _left(shares: Array, size: Array) -> float:
@@ -117,8 +137,8 @@ def _left(shares: Array, size: Array) -> float:
     return float(np.sqrt(shares.sum() / max(float(size.sum()), 1e-300)))
 
 
-def _with_cause(reading: ReadRows, blame: Blame) -> ReadRows:
-    extra = blame.cause.columns
+def _with_cause(reading: ReadRows, cause: Cause) -> ReadRows:
+    extra = cause.columns
     size = 1 + max(int(own.max()) for own in reading.rows.columns)
     every = np.arange(size, size + len(extra))
     blocks = tuple(np.column_stack([block, extra[:, :, i].T]) for i, block in enumerate(reading.rows.blocks))
@@ -142,7 +162,7 @@ def unpredicted(fit: QuickFit, known: Sequence[Blame] = ()) -> dict[int, tuple[f
     held, reading = HeldOutErrors(fit), as_stated(fit)
     errors = held.plain
     for blame in known:  # one that predicts unseen samples worse explains nothing
-        taken = _with_cause(reading, blame)
+        taken = _with_cause(reading, blame.cause)
         lower = held.errors(taken)
         if held.difference(lower, errors)[0] > 0.0:
             reading, errors = taken, lower

@@ -21,7 +21,7 @@ from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, 
 from dynident.diagnosis.checks._torque_unit import LOADED, OF_UNIT, ONE_SCALE, UNIT, are_alike, other_unit
 from dynident.diagnosis.checks._torque_unit import SURE as SURE_OF_SHAPE
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.checks.torque_scale import TorqueScale
+from dynident.diagnosis.checks.torque_scale import FAR_OFF, TorqueScale, beyond_rotors
 from dynident.diagnosis.finding import CLOCKS, Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
@@ -134,6 +134,8 @@ def _unit(against: AgainstBodies) -> list[Finding]:
         return []
     ratio, half = 1.0 + float(blame.values[0]), float(blame.half_widths[0])
     fit, ratios = against.fit, nominal_ratios(against.fit, SURE_OF_SHAPE**2)
+    if 1.0 < ratio < FAR_OFF and not beyond_rotors(fit, against.bodies).any():
+        return []
     told = ratios[np.isfinite(ratios)] / ratio
     if are_alike(fit, ratios) or not len(told) or told.min() < 1.0 / FAR or np.median(told) > LOADED * ONE_SCALE:
         return []

@@ -3,16 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
+from dynident.arrays import Array
 from dynident.diagnosis.causes.body_consistency import DRAWS, inconsistency
+from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_search import CauseSearch
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.robot_misfit import presliding
 from dynident.diagnosis.causes.trend_findings import is_grave
 from dynident.diagnosis.causes.trends import DELAY
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
+
+
+def _bent(rows: CauseRows, fit: QuickFit) -> Array:
+    """Return the torque of friction that builds up after reversals, as fitted beside the bodies, shape (N, n)."""
+    causes = presliding(fit)
+    rows = replace(rows, target=fit.rows.torque - fit.rows.known)
+    solved = CauseSearch(rows, causes).fit(range(len(causes)))
+    columns = np.concatenate([cause.columns for cause in causes])
+    taken = np.tensordot(solved.beta[-len(columns) :], columns, 1)
+    return taken if fit.explained is None else fit.explained + taken
 
 
 @dataclass(frozen=True)
@@ -33,6 +48,7 @@ class LinkConsistency(Check):
             torques = [np.tensordot(blame.values, blame.cause.columns, 1) for blame in known]
             fit = trends.fit.explained_by(np.sum(torques, axis=0)) if known else trends.fit
             found = found if fit is subject.fit else inconsistency(fit)
+            found = found and inconsistency(fit.explained_by(_bent(trends.rows, fit)))
         if found is None:
             return []
         evidence = (

@@ -28,7 +28,7 @@ from dynident.diagnosis.causes.couplings import best_coupling
 from dynident.diagnosis.causes.gravity_direction import mountings
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, robot_misfit, unpredicted
+from dynident.diagnosis.causes.robot_misfit import LEFT, RobotMisfit, presliding, robot_misfit, unpredicted
 from dynident.diagnosis.causes.several_scales import ALIKE, inverted_gains, nominal_agreement, several_scales
 from dynident.diagnosis.causes.signs_of_all import READING_CONSEQUENCES, driven_joints
 from dynident.diagnosis.causes.thin_fit import CUTOFF_HZ
@@ -334,11 +334,13 @@ def _drives(fit: QuickFit, solved: Solved, signs: BoolArray, joint: int) -> bool
 
 def _beside_causes(trends: Trends) -> RobotMisfit:
     """Return what is left beside the causes of a log; rotor inertias are taken in where they explain it."""
-    blames = [each for each in trends.blames if believed(each) is not None]
-    found = robot_misfit(trends.fit, known=blames)
-    if found.left <= LEFT or not any(each.cause.name == "rotor inertia" for each in blames):
+    causes = [each.cause for each in trends.blames if believed(each) is not None]
+    found = robot_misfit(trends.fit, known=causes)
+    if found.left > LEFT and any(each.name == "rotor inertia" for each in causes):
+        found = robot_misfit(trends.fit, known=[each for each in causes if each.name != "rotor inertia"])
+    if not (found.is_sure or found.is_suspected):
         return found
-    return robot_misfit(trends.fit, known=[each for each in blames if each.cause.name != "rotor inertia"])
+    return robot_misfit(trends.fit, known=[*presliding(trends.fit), *causes])
 
 
 def _couplings(fit: QuickFit) -> Iterator[Interpretation]:

@@ -28,6 +28,9 @@ from dynident.model.friction import Motion
 #: much.
 FAR_OFF = 20.0
 
+#: Share of a joint's torque below which what no rotor makes of it tells nothing.
+LEAST = 0.1
+
 #: Ratio of the largest factor against these masses to the smallest from which the drives have factors of their own.
 APART = 1.5
 
@@ -282,7 +285,22 @@ def against_nominal(fit: QuickFit, theta: Array, mixing: Array | None) -> Ratio:
         ],
         axis=1,
     )
-    return _ratio(nominal - nominal.mean(axis=0), fitted - fitted.mean(axis=0))
+    found = _ratio(nominal - nominal.mean(axis=0), fitted - fitted.mean(axis=0))
+    is_rotor_like = 1.0 < found.ratio < FAR_OFF and not beyond_rotors(fit, nominal).any()
+    return Ratio(found.ratio, 0.0, np.inf) if is_rotor_like else found
+
+
+def beyond_rotors(fit: QuickFit, torque: Array) -> Array:
+    """Return torques (N, n) less what a constant and an inertia of each drive alone, as of a rotor, would take of them.
+
+    Torques of an axis that carries no weight may be several times those of its links by its rotor.
+    """
+    motion, found = motion_of(fit.rows.prepared.kept), np.zeros_like(torque)
+    for i, (own, mask) in enumerate(zip(np.asarray(motion.ddq).T, fit.rows.masks.T, strict=True)):
+        columns = np.column_stack([np.ones(len(own)), own])[mask]
+        left = torque[mask, i] - columns @ np.linalg.lstsq(columns, torque[mask, i])[0]
+        found[mask, i] = left * (np.sum(left**2) > LEAST**2 * np.sum((torque[mask, i] - torque[mask, i].mean()) ** 2))
+    return found
 
 
 def _ratio(known: Array, fitted: Array) -> Ratio:
