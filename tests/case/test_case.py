@@ -118,6 +118,7 @@ def test_every_key(write: Write) -> None:
             "  columns: {time: Time, q: 'pos{}', dq: none, torque: [ta, tb, tc]}",
             "  units: {time: ms, position: [deg, rad, deg], torque: N m}",
             "  decimal: ','",
+            "  leave_out: {a.csv: [[3, 4.5], [8, 9]]}",
             "preprocessing:",
             "  filter: {five_point: {repeats: 3}}",
             "  rate_hz: 125",
@@ -143,6 +144,8 @@ def test_every_key(write: Write) -> None:
     assert columns.joints == ("joint2", "joint1", "joint3") and columns.time == "Time" and columns.decimal == ","
     assert columns.q == ("pos1", "pos2", "pos3") and columns.dq == () and columns.torque == ("ta", "tb", "tc")
     assert columns.units == Units(time="ms", position=("deg", "rad", "deg"), torque="N m")
+    np.testing.assert_array_equal(columns.spells_left_out("logs/a.csv"), [[3, 4.5], [8, 9]])
+    assert columns.spells_left_out("b.csv").shape == (0, 2)
     assert case.preprocessing == Preprocessing(FivePoint(3), 125.0, 0.25, 0.1, "keep")
     assert (case.estimator.name, dict(case.estimator.options)) == ("wls", {"iterations": "4"})
     assert (case.train, case.test, case.split) == (("a.csv", "b.csv"), ("c.csv",), Split(first=0.7))
@@ -216,6 +219,19 @@ FAULTS = [
     (("log: {columns: {q: {a: b}}}",), "neither a text nor a list of texts", "write one, or a list [a, b]"),
     (("log: {units: {position: degrees}}",), "no unit of position called 'degrees'", "choose one of"),
     (("log: {units: {torque: A}}",), "no unit of torque called 'A'", "choose one of: SI, N m, mN m, N"),
+    (
+        ("log: {leave_out: [[1, 2]]}",),
+        "log.leave_out: spells without the name of a log",
+        "{run.csv: [[3, 4.5], [8, 9]]}",
+    ),
+    (("log: {leave_out: {a.csv: [[2, 1]]}}",), "log.leave_out: a.csv: [['2', '1']]", "starts and ends in s"),
+    (("log: {leave_out: {a.csv: [1, 2]}}",), "log.leave_out: a.csv: ['1', '2']", "starts and ends in s"),
+    (("log: {leave_out: {a.csv: [[1, end]]}}",), "log.leave_out: a.csv: [['1', 'end']]", "starts and ends in s"),
+    (
+        ("log: {leave_out: {b.csv: [[1, 2]]}}", "train: d/a.csv"),
+        "no log of this case is called 'b.csv'",
+        "it has a.csv",
+    ),
     (("log: {decimal: ';'}",), "decimal: ';' is not known here", "choose one of: ., ,"),
     (("preprocessing: {filter: butterwort}",), "no filter called 'butterwort'", "did you mean 'butterworth'?"),
     (("preprocessing: {filter: {butterworth: {cutoff_hz: -4}}}",), "cutoff_hz = -4.0 is not possible", "above 0"),

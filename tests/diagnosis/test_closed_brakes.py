@@ -14,8 +14,8 @@ from dynident.applications.monitor.signals import signals_of
 from dynident.case.case import read_case
 from dynident.data.log import Log
 from dynident.data.preprocessing import FILTERS, default_preprocessing, preprocess
-from dynident.data.preprocessing._closed_brakes import spells_in_words
 from dynident.diagnosis.checks.closed_brakes import ClosedBrakes
+from dynident.diagnosis.finding import spells_in_words
 
 PAUSE = 3.0
 

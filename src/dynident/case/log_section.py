@@ -5,9 +5,12 @@ A profile gives the columns of a maker; what the user states goes before it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
+
+import numpy as np
 
 from dynident.case.case_values import LEVER_ARM, guarded, one_or_many, part_of, texts
 from dynident.data.formats import FORMATS, ColumnMap, Units
@@ -20,7 +23,7 @@ from dynident.model.robot import Robot
 from dynident.robot_files.leaders import followed, led_by
 
 _LOG_KEYS = ("profile", "format", "columns", "units", "decimal", "rated", "side", "zero")
-_LOG_KEYS += ("wrapped", "torque_clock", "repeats", "force")
+_LOG_KEYS += ("wrapped", "torque_clock", "repeats", "force", "leave_out")
 _COLUMN_KEYS = ("time", "q", "dq", "ddq", "torque", "current", "temperature", "q_ref", "dq_ref")
 _UNIT_KEYS = ("time", "position", "velocity", "acceleration", "torque", "current")
 
@@ -66,7 +69,7 @@ def read_columns(top: Section, robot: Robot) -> ColumnMap:
         return guarded(top.place("joints"), lambda: ColumnMap(joints=joints))
     log = top.section("log", _LOG_KEYS)
     found: dict[str, Any] = {"joints": joints, "decimal": log.choice("decimal", (".", ","), ".")}
-    found["repeats"] = log.choice("repeats", ("refuse", "drop"), "refuse")
+    found["repeats"], found["leave_out"] = log.choice("repeats", ("refuse", "drop"), "refuse"), _left_out(top, log)
     if log.has("columns"):
         columns = log.section("columns", _COLUMN_KEYS)
         for key in _COLUMN_KEYS:
@@ -129,6 +132,25 @@ def _wrapped(log: Section, joints: Sequence[str], robot: Robot) -> tuple[str, ..
         step = f"name joints of the log that turn: {', '.join(turning)}"
         raise log.place("wrapped").error(f"no turning joint called '{strange[0]}'", step)
     return wrapped
+
+
+def _left_out(top: Section, log: Section) -> tuple[tuple[str, Any], ...]:
+    """Return the spells of each log that do not count; each must be one of the logs that the case names, if it does."""
+    given, place = log.value("leave_out") if log.has("leave_out") else {}, log.place("leave_out")
+    step = "give starts and ends in s since the log began, by its name: leave_out: {run.csv: [[3, 4.5], [8, 9]]}"
+    if not isinstance(given, dict):
+        raise place.error("spells without the name of a log", step)
+    named = [re.split(r"[/\\]", name)[-1] for key in ("train", "test") for name in texts(top, key)]
+    for name, spells in given.items():
+        if named and name not in named:
+            raise place.error(f"no log of this case is called '{name}'", f"it has {', '.join(dict.fromkeys(named))}")
+        try:
+            ends = np.asarray(spells, dtype=float)
+        except (TypeError, ValueError):
+            ends = np.zeros(0)
+        if ends.ndim != 2 or ends.shape[-1] != 2 or not np.all((ends[:, 0] >= 0.0) & (np.diff(ends)[:, 0] > 0.0)):
+            raise place.error(f"{name}: {spells}", step)
+    return tuple(given.items())
 
 
 def _check_units(units: Units, joints: Sequence[str], robot: Robot, motor: Sequence[str]) -> None:

@@ -168,7 +168,7 @@ def _rates(text: str) -> list[float]:
 
 
 def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) -> None:
-    from dynident.data.preprocessing._closed_brakes import brakes_closed
+    from dynident.diagnosis.finding import brakes_closed
     from dynident.results.text import Column, Table, columns_of, counted, format_number, label, pretty_unit
 
     robot = monitor.observer.model.robot

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -60,6 +60,9 @@ CONSEQUENCES = (
     UNEXPLAINED,
 )
 
+#: Spells that are named, and time in s from which four digits do not tell where they are, as of clocks from 1970 on.
+TOLD, ROUNDED = 5, 1e4
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -105,6 +108,17 @@ class Finding:
 def listed(names: Sequence[str]) -> str:
     """Return the names of joints as one text."""
     return ", ".join(names)
+
+
+def brakes_closed(spells: Iterable[Iterable[float]]) -> str:
+    """Return when brakes are closed, in words; ``spells`` are starts and ends in s, (k, 2)."""
+    return f"with closed brakes ({spells_in_words(spells, TOLD)})"
+
+
+def spells_in_words(spells: Iterable[Iterable[float]], most: int) -> str:
+    """Return starts and ends in s, (k, 2), in words, ``most`` of them."""
+    told = [" to ".join(f"{time:{'.4g' if time < ROUNDED else '.1f'}}" for time in spell) + " s" for spell in spells]
+    return f"{', '.join(told[:most])}{', ...' * (len(told) > most)}"
 
 
 def ordered(found: Sequence[Finding], others: Sequence[Finding] = ()) -> tuple[Finding, ...]:

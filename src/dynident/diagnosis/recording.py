@@ -81,7 +81,7 @@ def read_recording(case: Case, name: str) -> Recording:
         signals = {name: columns.counted(name, each) for name, each in signals_of(columns, values).items()}
         time = columns.time_to_si(values[:, 0])
     source = Source(table.path, table.sha256, len(values))
-    log = Log(columns.joints, time, source=source, **signals)
+    log = Log(columns.joints, time, source=source, gaps=time[:1] + columns.spells_left_out(path), **signals)
     if np.all(np.diff(time) > 0.0):
         log = log.on_one_clock(columns.torque_clock)
     with np.errstate(all="ignore"):

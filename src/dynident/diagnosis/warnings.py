@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.data.preprocessing._closed_brakes import brakes_closed
+from dynident.diagnosis.finding import brakes_closed
 from dynident.diagnosis.new_log import NewLog, check_command, unlike
 from dynident.diagnosis.verdict import check_lines, is_too_short, model_doubt, quality_of
 from dynident.identification.consistency.log_cholesky_fit import UNFINISHED
@@ -218,12 +218,12 @@ def _unfinished(estimate: Estimate) -> list[str]:
 
 
 def _gaps(estimate: Estimate) -> list[str]:
-    """Name the logs with gaps in time, or spells with closed brakes, whose samples were left out."""
+    """Name the logs of whose samples some were left out by themselves: near gaps in time, or with closed brakes."""
     return [
         f"{log.get('path') or 'a log'}: {log['gap_samples']} samples near gaps in time"
         f"{' or ' + brakes_closed(log['braked']) if log.get('braked') else ''} left out"
         for log in estimate.provenance.get("logs", ())
-        if log.get("gap_samples")
+        if log.get("gap_samples") and not any(step.endswith(" s left out") for step in log.get("steps", ()))
     ]
 
 

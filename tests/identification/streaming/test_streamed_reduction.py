@@ -258,6 +258,18 @@ def test_faults_of_a_log_are_those_of_the_whole(case: Case, make: Callable[..., 
     assert "no temperatures of the drives" in same_refusal(warm, tmp_path / "sound.npz")
 
 
+def test_spells_that_are_left_out(case: Case, make: Callable[..., Path]) -> None:
+    logs = [make("run.npz", jitter=0.3), make("other.npz", seed=1)]
+    columns = replace(case.columns, leave_out=(("run.npz", ((5.0, 20.0), (40.0, 44.0))),))
+    spared = replace(case, columns=columns)
+    wanted = in_memory(spared, logs, "wls")
+    assert_same(identify_digest(reduce_logs(spared.stream_setup(), logs), "wls"), wanted)
+    whole = in_memory(case, logs, "wls")
+    assert 2 * 19 * 99 < wanted.provenance["logs"][0]["gap_samples"] < 2 * 22 * 100
+    assert whole.provenance["logs"][1] == wanted.provenance["logs"][1]
+    assert "5 to 20 s left out" in wanted.provenance["logs"][0]["steps"]
+
+
 @pytest.mark.parametrize("held", [("q", "torque"), ("q",)])
 def test_readings_that_stand_in_several_rows_are_refused(
     held: tuple[str, ...], case: Case, make: Callable[..., Path], tmp_path: Path

@@ -63,6 +63,7 @@ class ColumnMap:
         wrapped: Joints whose positions start again after a whole turn; their turns are counted on.
         torque_clock: How many times as fast as that of the positions the clock of torques and currents ran.
         repeats: ``drop`` leaves rows out that repeat the row before them, ``refuse`` takes them for a fault.
+        leave_out: Spells of logs that do not count, starts and ends in s since the log began, by the name of its file.
         form: Format of the files; empty for the one by their suffix.
         form_options: Its options, as name and text.
 
@@ -92,6 +93,7 @@ class ColumnMap:
     wrapped: tuple[str, ...] = ()
     torque_clock: float = 1.0
     repeats: str = "refuse"
+    leave_out: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = ()
     form: str = ""
     form_options: tuple[tuple[str, str | None], ...] = ()
 
@@ -101,6 +103,8 @@ class ColumnMap:
         for name in ("optional", "force", "motor"):
             object.__setattr__(self, name, _signals(name, getattr(self, name)))
         object.__setattr__(self, "wrapped", tuple(self.wrapped))
+        spells = ((name, tuple((float(a), float(b)) for a, b in own)) for name, own in self.leave_out)
+        object.__setattr__(self, "leave_out", tuple(spells))
         object.__setattr__(self, "form_options", tuple((key, value) for key, value in self.form_options))
         for name in ("joints", *NUMBERED):
             names = getattr(self, name)
@@ -205,6 +209,11 @@ class ColumnMap:
         if self.wrapped:
             texts.append(f"turns of {', '.join(self.wrapped)} counted on")
         return "; ".join(texts)
+
+    def spells_left_out(self, path: object) -> Array:
+        """Return start and end of what does not count of the log of a file or address, in s since it began, (k, 2)."""
+        name = re.split(r"[/\\]", str(path))[-1]
+        return np.array(dict(self.leave_out).get(name, ()), dtype=float).reshape(-1, 2)
 
     def _joint_count(self) -> int:
         lengths = [len(self.joints), *(len(names) for names in self.stated().values())]

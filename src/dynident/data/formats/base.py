@@ -128,7 +128,9 @@ def log_of(table: LogTable, columns: ColumnMap) -> Log:
     checked = Checked(table, chosen, is_whole=True)
     log = checked.block(values)
     checked.end()
-    return replace(log, source=checked.source(notes)).on_one_clock(chosen.torque_clock)
+    spells = chosen.spells_left_out(table.path)
+    log = replace(log, source=checked.source(notes), gaps=log.time[0] + spells if len(spells) else None)
+    return log.on_one_clock(chosen.torque_clock)
 
 
 def check_size(path: str | Path, most: int, step: str) -> None:
@@ -214,7 +216,8 @@ class Checked:
 
     def source(self, notes: tuple[str, ...]) -> Source:
         """Return where the rows seen so far come from, and what was done to get them."""
-        steps = filter(None, (f"read as {self._table.how}", *notes, self._columns.conversions()))
+        left_out = [f"{a:.4g} to {b:.4g} s left out" for a, b in self._columns.spells_left_out(self._table.path)]
+        steps = filter(None, (f"read as {self._table.how}", *notes, self._columns.conversions(), *left_out))
         return Source(self._table.path, self._table.sha256, self.rows, tuple(steps))
 
     def _check_cells(self, values: Array) -> None:

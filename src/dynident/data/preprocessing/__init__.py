@@ -339,7 +339,9 @@ def resample(log: Log, longest_gap: float | None = None) -> Log:
         for name, values in log.signals().items()
     }
     wide = np.flatnonzero(steps > 5 * middle)
-    gaps = np.column_stack([log.time[wide], log.time[wide + 1]])
+    gaps = np.concatenate(
+        [np.zeros((0, 2)) if log.gaps is None else log.gaps, np.stack([log.time[wide], log.time[wide + 1]], axis=1)]
+    )
     jitter = f"steps of {steps.min() * 1e3:.3g} to {steps.max() * 1e3:.3g} ms"
     return replace(
         log.with_step(f"resampled to {(count - 1) / log.duration:.5g} Hz ({jitter})"), time=time, gaps=gaps, **moved

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from dynident.arrays import Array
@@ -24,9 +22,6 @@ FAR = 4.0
 
 #: Share of a log from which on it is no pause of it.
 MOST = 0.8
-
-#: Spells that are named, and time in s from which four digits do not tell where they are, as of clocks from 1970 on.
-TOLD, ROUNDED = 5, 1e4
 
 
 def closed_brakes(log: Log) -> Array:
@@ -63,17 +58,6 @@ def closed_brakes(log: Log) -> Array:
             found.append((float(log.time[start - before]), float(log.time[end + after - 1])))
     spells = np.array(found).reshape(-1, 2)
     return spells if np.diff(spells, axis=1).sum() <= MOST * log.duration else none
-
-
-def brakes_closed(spells: Iterable[Iterable[float]]) -> str:
-    """Return when brakes are closed, in words; ``spells`` are starts and ends in s, (k, 2)."""
-    return f"with closed brakes ({spells_in_words(spells, TOLD)})"
-
-
-def spells_in_words(spells: Iterable[Iterable[float]], most: int) -> str:
-    """Return starts and ends in s, (k, 2), in words, ``most`` of them."""
-    told = [" to ".join(f"{time:{'.4g' if time < ROUNDED else '.1f'}}" for time in spell) + " s" for spell in spells]
-    return f"{', '.join(told[:most])}{', ...' * (len(told) > most)}"
 
 
 def _windows(values: Array, width: int) -> tuple[Array, Array]:

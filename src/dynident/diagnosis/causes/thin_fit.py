@@ -112,7 +112,7 @@ def _without_rotors(robot: Robot) -> Robot:
 
 def thinned_log(log: Log, rate: float, longest_gap: float | None = None) -> Log:
     """Return positions and torques on equal steps at about ``rate`` a second, low-passed; see :func:`resample`."""
-    plain = Log(log.joints, log.time, log.q, torque=log.torque, source=log.source)
+    plain = Log(log.joints, log.time, log.q, torque=log.torque, source=log.source, gaps=log.gaps)
     even = resample(plain, longest_gap)
     every = max(1, int(even.rate / rate))
     if every == 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ import numpy as np
 
 from dynident.arrays import BoolArray
 from dynident.case.case import Case
+from dynident.data.preprocessing import LONGEST_GAP
 from dynident.diagnosis.causes.against_bodies import AgainstBodies
 from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
 from dynident.diagnosis.causes.position_scale import PositionScale, position_scale
@@ -87,6 +89,16 @@ class CheckedLog:
         own = fit.clock(np.asarray(fit.rows.prepared.kept.time)[rows]) - start
         parts = np.split(own, np.flatnonzero(np.abs(np.diff(own)) > apart) + 1)
         return [(max(float(part[0]) - reach, 0.0), float(part[-1]) + reach) for part in parts]
+
+    def without(self, fit: QuickFit, spans: Sequence[tuple[float, float]]) -> str:
+        """Return how the spells of :meth:`spans` are left out of the log, by a line of the case file if it has one."""
+        if self.raw.table is None or len(fit.starts) > 1:
+            longest = max(last - first for first, last in spans)
+            bridged = f" (preprocessing: longest_gap_s: {np.ceil(longest + 0.1):g})" if longest > LONGEST_GAP else ""
+            return f"cut its rows out of the log{bridged}"
+        told = ", ".join(f"[{first:.4g}, {last:.4g}]" for first, last in spans)
+        name = re.split(r"[/\\]", self.raw.log.name)[-1]
+        return f"leave it out (log: {{leave_out: {{{name}: [{told}]}}}})"
 
     @cached_property
     def saturated(self) -> BoolArray:

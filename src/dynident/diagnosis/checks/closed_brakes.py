@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.preprocessing._closed_brakes import brakes_closed, closed_brakes
+from dynident.data.preprocessing._closed_brakes import closed_brakes
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.finding import Finding, brakes_closed
 from dynident.model.friction import Motion
 
 #: Share of a joint's largest torque that the robot model's weight asks for at least, where it states masses.

@@ -9,11 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.data.preprocessing import LONGEST_GAP
-from dynident.data.preprocessing._closed_brakes import spells_in_words
 from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity, listed
+from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity, listed, spells_in_words
 from dynident.identification.problem.regressor_stream import motion_of
 
 #: Length of a window in s, shares of all windows that may be left out, in few parts or else in one, and fits by which
@@ -26,6 +24,9 @@ REACH_S = 0.1
 #: Parts that follow each other at most, of those far apart from the rest, and times of the rest's speed up to which
 #: they are alike in motion: where a log is at rest but for a few samples, these are its motion.
 PARTS, PARTS_FAR_APART, SWIFT = 3, 8, 3.0
+
+#: Share of its usual speed, weighted by the residual, below which a joint rests and dry friction holds it.
+RESTS = 0.4
 
 #: Least residual there, over the deviation of the torque: less is no contact that matters.
 LARGE = 0.1
@@ -69,11 +70,9 @@ class Contact(Check):
             f"{places} after the start the residual is up to {ratios.max():.0f} times that of all other samples; "
             f"fitted without that part, theirs is {np.sqrt(fall):.2g} times smaller"
         )
-        longest = max(last - first for first, last in spans)
-        bridged = f" (preprocessing: longest_gap_s: {np.ceil(longest + 0.1):g})" if longest > LONGEST_GAP else ""
         remedy = (
             "look at that part (a contact, a crash, a hand on the arm, a load for a while, a fault of the recording): "
-            f"cut its rows out of the log{bridged}, or state estimator: huber"
+            f"{subject.without(fit, spans)}, or state estimator: huber"
         )
         numbers = {"first": spans[0][0], "last": spans[-1][1], "ratio": float(ratios.max()), "fall": fall}
         severity: Severity = "note" if subject.case.estimator.name in ROBUST else "error"
@@ -113,6 +112,9 @@ def _spoiled(fit: QuickFit, most: float, parts: int) -> tuple[BoolArray, Array, 
     is_far = held >= HELD and ratios.max() >= FAR_APART
     if not is_far and fall < SPOILED:
         return None
+    speed = np.abs(motion_of(rows.prepared.kept).dq)[:, np.flatnonzero(some)[joint]]
+    there = np.nansum(residual[told, joint] ** 2 * speed[told]) / np.nansum(residual[told, joint] ** 2)
+    is_far &= bool(there > RESTS * np.median(speed))  # at rest dry friction holds what the motor asks for
     kept, most_parts = (told, PARTS_FAR_APART) if is_far else (told if parts == 1 else left_out, parts)
     return (told, ratios, fall) if _is_alike_in_motion(fit, kept, windows, most_parts) else None
 

@@ -9,11 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.data.preprocessing._closed_brakes import spells_in_words
 from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.checks.contact import Contact
-from dynident.diagnosis.finding import Finding, Severity
+from dynident.diagnosis.finding import Finding, Severity, spells_in_words
 
 #: Outward residual in the outermost rows, this share of all, over that of all rows, from which a fit without is made.
 FIRST, OUTWARD = 0.03, 1.0
@@ -82,9 +81,10 @@ def _finding(subject: CheckedLog, fit: QuickFit, stop: _Stop) -> Finding:
         f"outward with {stop.push:.3g} {effort} that the model does not explain, {stop.ratio:.0f} times its residual "
         f"elsewhere: {spells_in_words(spans, 6)} after the start"
     )
+    beside = [(max(first - REACH_S, 0.0), last + REACH_S) for first, last in spans]
     remedy = (
-        f"it rests against an end stop or an obstacle: cut the rows {way} {stop.bound:.4g} {unit} and {REACH_S:g} s on "
-        f"either side out of the log (longest_gap_s where a spell is longer than half a second), and keep motions away"
+        f"it rests against an end stop or an obstacle {way} {stop.bound:.4g} {unit}: keep motions away, and "
+        f"{subject.without(fit, beside)}"
     )
     severity: Severity = "error" if stop.fall >= SPOILED else "warning" if stop.fall >= WORSE else "note"
     numbers = {"position": stop.bound, "push": stop.push, "ratio": stop.ratio, "fall": stop.fall}

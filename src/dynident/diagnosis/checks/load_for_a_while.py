@@ -8,10 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.data.preprocessing._closed_brakes import spells_in_words
 from dynident.diagnosis.causes.load_in_part import SHORTEST_S, SPELLS, load_in_part
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity
+from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity, spells_in_words
 
 #: Times by which the residual variance is smaller with the load, over the joints (right logs: 1.2 at most).
 FALL = 2.0
@@ -51,8 +50,8 @@ class LoadForAWhile(Check):
             f"residual variance is {load.fall:.2g} times smaller (product over the joints)"
         )
         remedy = (
-            "write the samples with it and those without it as logs of their own, and identify with one kind alone; "
-            "'dynident payload ESTIMATE LOG' weighs it, by an estimate without it"
+            f"{subject.without(fit, spans)}, or take a log without a load; 'dynident payload ESTIMATE LOG' weighs it, "
+            "by an estimate without it"
         )
         numbers = {"first": spans[0][0], "last": spans[-1][1], "fall": load.fall}
         severity: Severity = "error" if np.max(fit.relative[fit.moves], initial=0.0) > LARGE else "warning"

@@ -140,6 +140,7 @@ def _by_windows(
     path = stream.table.path
     progress(f"{path}: time", 0.0)
     scan = scan_time(stream, setup.preprocessing.filter, setup.preprocessing.longest_gap_s)
+    scan = replace(scan, gaps=np.vstack([scan.gaps, scan.first + setup.columns.spells_left_out(path)]))
     windows = Windows.of(scan, setup.preprocessing, stream.table.path)
     tally, first = Tally(regressor, windows.rate / windows.every, scan.count // windows.every), 0
     if found is not None and found[1] is not None:
