@@ -868,13 +868,13 @@ def test_causes_are_taken_in_where_they_predict_unseen_samples(trial: Trial, tmp
     faulty = trial.with_columns(tau=tau)
     fit = quick_fit(faulty.case, faulty.case.read(faulty.written(tmp_path)))
     assert isinstance(fit, QuickFit)
-    plain, one = robot_misfit(fit), np.ones(1)
+    plain = robot_misfit(fit)
     assert plain.left > LEFT
     q = np.asarray(fit.rows.prepared.log.q)[fit.rows.prepared.keep, 1]
     true, other = np.zeros((2, 1, len(q), 3))
     true[0, :, 1] = np.sin(3.0 * q)
     other[0, :, 1] = np.where(halves(len(q))[0], 1e3, 1.0) * np.random.default_rng(0).normal(size=len(q))
-    good, bad = (Blame(Cause("any", "", own), one, np.eye(1), 6, 1, 1, 1, one, one, ()) for own in (true, other))
+    good, bad = (Cause("any", "", own) for own in (true, other))
     assert robot_misfit(fit, known=[bad]).left == plain.left  # learned from the half where it is small
     assert robot_misfit(fit, known=[bad, good]).left < 0.2 * plain.left
 
