@@ -340,7 +340,8 @@ def _beside_causes(trends: Trends) -> RobotMisfit:
         found = robot_misfit(trends.fit, known=[each for each in causes if each.name != "rotor inertia"])
     if not (found.is_sure or found.is_suspected):
         return found
-    return robot_misfit(trends.fit, known=[*presliding(trends.fit), *causes])
+    beside = robot_misfit(trends.fit, known=[*presliding(trends.fit), *causes])
+    return found if beside.is_sure or beside.is_suspected else beside  # it explains another robot in part
 
 
 def _couplings(fit: QuickFit) -> Iterator[Interpretation]:

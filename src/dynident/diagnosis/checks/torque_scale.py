@@ -297,9 +297,11 @@ def beyond_rotors(fit: QuickFit, torque: Array) -> Array:
     """
     motion, found = motion_of(fit.rows.prepared.kept), np.zeros_like(torque)
     for i, (own, mask) in enumerate(zip(np.asarray(motion.ddq).T, fit.rows.masks.T, strict=True)):
+        if not mask.any():
+            continue
         columns = np.column_stack([np.ones(len(own)), own])[mask]
         left = torque[mask, i] - columns @ np.linalg.lstsq(columns, torque[mask, i])[0]
-        found[mask, i] = left * (np.sum(left**2) > LEAST**2 * np.sum((torque[mask, i] - torque[mask, i].mean()) ** 2))
+        found[mask, i] = left * (np.sum(left**2) > LEAST**2 * np.var(torque[mask, i]) * len(left))
     return found
 
 
