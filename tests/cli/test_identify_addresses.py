@@ -83,7 +83,7 @@ def test_a_case_may_name_addresses_and_the_estimate_keeps_them(folder: Path, cap
     [
         (["identify", "case.yaml", "memory://arms/none.csv"], "memory://arms/none.csv: cannot be reached (File"),
         (["identify", "case.yaml", "nosuch://arms/a.csv"], "nosuch://arms/a.csv: cannot be reached (ValueError"),
-        (["identify", "case.yaml", "memory://arms/bad.csv"], "memory://arms/bad.csv:1: no column 't'"),
+        (["identify", "case.yaml", "memory://arms/bad.csv"], "memory://arms/bad.csv:1: no column 'q2'"),
         (
             ["identify", "case.yaml", "memory://arms/a.csv", "file://runs/a.csv"],
             "file://runs/a.csv: the same content as",

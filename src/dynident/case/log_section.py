@@ -23,7 +23,7 @@ from dynident.model.robot import Robot
 from dynident.robot_files.leaders import followed, led_by
 
 _LOG_KEYS = ("profile", "format", "columns", "units", "decimal", "rated", "side", "zero")
-_LOG_KEYS += ("wrapped", "torque_clock", "repeats", "force", "leave_out")
+_LOG_KEYS += ("wrapped", "torque_clock", "repeats", "leave_out", "force")
 _COLUMN_KEYS = ("time", "q", "dq", "ddq", "torque", "current", "temperature", "q_ref", "dq_ref")
 _UNIT_KEYS = ("time", "position", "velocity", "acceleration", "torque", "current")
 

@@ -9,6 +9,7 @@ from dynident.case.evidence.torques import OFF
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.finding import CONSEQUENCES
 from dynident.diagnosis.new_log import IN_MEMORY
+from dynident.identification.problem.regressor_stream import motion_of
 
 #: Correlation with the torque of the robot model's masses from which it has their shape for certain.
 SURE = 0.9
@@ -26,6 +27,13 @@ ONE_SCALE = 1.3
 
 #: Times by which a load that is not known, of the arm's own weight at its end, makes torques larger: thrice.
 LOADED = 3.0
+
+#: Factor against the masses of the robot model beyond which the unit is wrong for certain: no robot model is off by as
+#: much.
+FAR_OFF = 20.0
+
+#: Share of a joint's torque below which what no rotor makes of it tells nothing.
+LEAST = 0.1
 
 
 def are_alike(fit: QuickFit, ratios: Array) -> bool:
@@ -54,3 +62,18 @@ def other_unit(fit: QuickFit, ratio: float) -> str:
         f"another unit ({' or '.join(near) or 'log: units'}), torques of the other side of the gears (log: side), or "
         "currents or percent read as torques? name them so (log: columns: current and drives: gain)"
     )
+
+
+def beyond_rotors(fit: QuickFit, torque: Array) -> Array:
+    """Return torques (N, n) less what a constant and an inertia of each drive alone, as of a rotor, would take of them.
+
+    Torques of an axis that carries no weight may be several times those of its links by its rotor.
+    """
+    motion, found = motion_of(fit.rows.prepared.kept), np.zeros_like(torque)
+    for i, (own, mask) in enumerate(zip(np.asarray(motion.ddq).T, fit.rows.masks.T, strict=True)):
+        if not mask.any():
+            continue
+        columns = np.column_stack([np.ones(len(own)), own])[mask]
+        left = torque[mask, i] - columns @ np.linalg.lstsq(columns, torque[mask, i])[0]
+        found[mask, i] = left * (np.sum(left**2) > LEAST**2 * np.var(torque[mask, i]) * len(left))
+    return found

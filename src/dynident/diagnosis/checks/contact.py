@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
+from dynident.data.log import Log
 from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, QuickFit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, UNLIKE_OTHERS, Finding, Severity, listed, spells_in_words
@@ -59,7 +60,7 @@ class Contact(Check):
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         fit = subject.fit
         tries = [] if fit is None else [_spoiled(fit, MOST, PARTS), _spoiled(fit, MOST_OF_ONE, 1)]
-        told = [each for each in tries if each is not None]
+        told = [each for each in tries if each is not None and not _is_of_spikes(subject.sound.log, fit, *each[:2])]
         if fit is None or not told:
             return []
         left_out, ratios, fall = max(told, key=lambda each: each[2])
@@ -77,6 +78,18 @@ class Contact(Check):
         numbers = {"first": spans[0][0], "last": spans[-1][1], "ratio": float(ratios.max()), "fall": fall}
         severity: Severity = "note" if subject.case.estimator.name in ROBUST else "error"
         return [Finding(severity, "contact", listed(names), evidence, remedy, numbers, self.explains)]
+
+
+def _is_of_spikes(log: Log, fit: QuickFit | None, told: BoolArray, ratios: Array) -> bool:
+    """Return whether single samples far off, smeared by the filter, make these rows (N,), at the joint told most."""
+    if fit is None or log.torque is None or len(fit.starts) > 1:
+        return False
+    joint, time = int(np.argmax(ratios)), np.asarray(fit.rows.prepared.kept.time)[told]
+    near = np.abs(time[np.clip(np.searchsorted(time, log.time), 0, len(time) - 1)] - log.time) <= WINDOW_S
+    torque = np.asarray(log.torque)[near, joint]
+    windows = np.lib.stride_tricks.sliding_window_view(torque, 5) if len(torque) >= 5 else np.zeros((0, 5))
+    alone = np.abs(windows[:, 2] - np.median(windows, axis=1))
+    return bool(np.max(alone, initial=0.0) > np.max(np.abs(fit.residual[told, joint])))
 
 
 def _spoiled(fit: QuickFit, most: float, parts: int) -> tuple[BoolArray, Array, float] | None:

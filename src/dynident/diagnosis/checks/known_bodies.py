@@ -18,10 +18,19 @@ from dynident.diagnosis.causes.thin_fit import asked_inertias
 from dynident.diagnosis.causes.trend_findings import TOLD, believed, standing, sureness, trend_finding
 from dynident.diagnosis.causes.trend_texts import NARROW, TRENDS, Z95
 from dynident.diagnosis.causes.trends import DELAY, ELASTIC, HYSTERESIS, SCALE, ZERO, Trends
-from dynident.diagnosis.checks._torque_unit import LOADED, OF_UNIT, ONE_SCALE, UNIT, are_alike, other_unit
+from dynident.diagnosis.checks._torque_unit import (
+    FAR_OFF,
+    LOADED,
+    OF_UNIT,
+    ONE_SCALE,
+    UNIT,
+    are_alike,
+    beyond_rotors,
+    other_unit,
+)
 from dynident.diagnosis.checks._torque_unit import SURE as SURE_OF_SHAPE
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.checks.torque_scale import FAR_OFF, TorqueScale, beyond_rotors
+from dynident.diagnosis.checks.torque_scale import TorqueScale
 from dynident.diagnosis.finding import CLOCKS, Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its

@@ -17,19 +17,12 @@ from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.several_scales import nominal_ratios
 from dynident.diagnosis.causes.signs_of_all import opposite_torques
 from dynident.diagnosis.causes.torque_scales import JointScale, mixing_of, other_scales
-from dynident.diagnosis.checks._torque_unit import OF_UNIT, SURE, UNIT, are_alike, other_unit
+from dynident.diagnosis.checks._torque_unit import FAR_OFF, OF_UNIT, SURE, UNIT, are_alike, beyond_rotors, other_unit
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.identification.residuals.quantiles import student_quantile
 from dynident.model.friction import Motion
-
-#: Factor against the masses of the robot model beyond which the unit is wrong for certain: no robot model is off by as
-#: much.
-FAR_OFF = 20.0
-
-#: Share of a joint's torque below which what no rotor makes of it tells nothing.
-LEAST = 0.1
 
 #: Ratio of the largest factor against these masses to the smallest from which the drives have factors of their own.
 APART = 1.5
@@ -288,21 +281,6 @@ def against_nominal(fit: QuickFit, theta: Array, mixing: Array | None) -> Ratio:
     found = _ratio(nominal - nominal.mean(axis=0), fitted - fitted.mean(axis=0))
     is_rotor_like = 1.0 < found.ratio < FAR_OFF and not beyond_rotors(fit, nominal).any()
     return Ratio(found.ratio, 0.0, np.inf) if is_rotor_like else found
-
-
-def beyond_rotors(fit: QuickFit, torque: Array) -> Array:
-    """Return torques (N, n) less what a constant and an inertia of each drive alone, as of a rotor, would take of them.
-
-    Torques of an axis that carries no weight may be several times those of its links by its rotor.
-    """
-    motion, found = motion_of(fit.rows.prepared.kept), np.zeros_like(torque)
-    for i, (own, mask) in enumerate(zip(np.asarray(motion.ddq).T, fit.rows.masks.T, strict=True)):
-        if not mask.any():
-            continue
-        columns = np.column_stack([np.ones(len(own)), own])[mask]
-        left = torque[mask, i] - columns @ np.linalg.lstsq(columns, torque[mask, i])[0]
-        found[mask, i] = left * (np.sum(left**2) > LEAST**2 * np.var(torque[mask, i]) * len(left))
-    return found
 
 
 def _ratio(known: Array, fitted: Array) -> Ratio:
