@@ -92,14 +92,9 @@ def solve_positive(matrix: Array, right: Array) -> Array | None:
 def inverse_positive(matrix: Array) -> Array:
     """Return the inverse of A (k, k), by Cholesky's factor where A is positive (LAPACK's ``dpotri``)."""
     own = cholesky(matrix)
-    return np.linalg.inv(matrix) if own is None else inverse_of_factor(own)
-
-
-def inverse_of_factor(factor: Array) -> Array:
-    """Return the inverse of U'U from U (k, k) of :func:`cholesky`, which is overwritten (LAPACK's ``dpotri``)."""
-    if factor.size:
-        _run("dpotri", b"U", len(factor), factor, len(factor))  # U has no zero on its diagonal
-    whole = factor + factor.T  # below its diagonal the factor is 0
+    if own is None or (own.size and _run("dpotri", b"U", len(own), own, len(own))):
+        return np.linalg.inv(matrix)
+    whole = own + own.T  # below its diagonal the factor is 0
     np.einsum("ii->i", whole)[...] *= 0.5
     return whole
 

@@ -13,13 +13,9 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.lapack import cholesky, inverse_of_factor
 
 #: Eigenvalues below this share of the largest are rounding; they count as this much.
 _FLOOR = 1e-15
-
-#: A pivot of Cholesky's factor, of columns of length one, that is no rounding.
-_PIVOT = 1e-12
 
 #: A column whose square is below this share of the largest is not excited; it counts as this much.
 _EMPTY = 1e-30
@@ -98,21 +94,12 @@ def column_squares(information: Array) -> Array:
 
 
 def log_volume(information: Array, regularisation: float = 0.0) -> tuple[float, Array]:
-    """Return log det(M + d diag M) and its gradient by M; finite, by a floor, where M is singular.
-
-    By Cholesky's factor, or by eigenvalues where that has a pivot of rounding.
-    """
+    """Return log det(M + d diag M) and its gradient by M; finite, by a floor, where M is singular."""
     diagonal = column_squares(information)
-    scale = 1.0 / np.sqrt(diagonal)
-    square = np.outer(scale, scale)
-    scaled = information * square
-    np.einsum("ii->i", scaled)[...] += regularisation
-    factor = cholesky(scaled)
-    if factor is not None and (pivots := np.diagonal(factor) ** 2).min() > _PIVOT:
-        total, inner = float(np.sum(np.log(pivots))), inverse_of_factor(factor) * square
-    else:
-        found, vectors = np.linalg.eigh(scaled)
-        values = np.maximum(found, _FLOOR)
-        total, inner = float(np.sum(np.log(values))), (vectors / values) @ vectors.T * square
+    inverse = 1.0 / np.sqrt(diagonal)
+    scaled = information * np.outer(inverse, inverse)
+    found, vectors = np.linalg.eigh(scaled)
+    values = np.maximum(found + regularisation, _FLOOR)
+    inner = (vectors / values) @ vectors.T * np.outer(inverse, inverse)
     gradient = inner + regularisation * np.diag(np.diagonal(inner))
-    return total + float(np.sum(np.log(diagonal))), gradient
+    return float(np.sum(np.log(values)) + np.sum(np.log(diagonal))), gradient
