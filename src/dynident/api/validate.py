@@ -193,7 +193,8 @@ def reading_of(estimate: Estimate, case: Case | None) -> tuple[ColumnMap, Robot,
     own = estimate.model.robot
     if case is None:
         commanded = [name for name in ("q_ref", "dq_ref") if getattr(estimate.columns, name)]
-        columns = replace(estimate.columns, optional=tuple(dict.fromkeys((*estimate.columns.optional, *commanded))))
+        optional = tuple(dict.fromkeys((*estimate.columns.optional, *commanded)))
+        columns = replace(estimate.columns, optional=optional, leave_out=())  # another log may have the same name
         return columns, own, {}
     check_same_lock(own, case.robot, case.path)
     gains = {joint.name: joint.drive.gain for joint in own.active}
